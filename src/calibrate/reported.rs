@@ -6,7 +6,7 @@ use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, RE
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, covariance};
 use super::fit::RigFitInput;
 use super::linear_algebra::inverse;
-use crate::dataset::{CalibratedQuantity, RigQuantity, time_constant_s};
+use crate::dataset::{CalibratedQuantity, RigQuantity, corner_frequency_hz};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
@@ -154,7 +154,7 @@ fn fast_low_pass(input: &RigFitInput<'_>, point: &DVector<f64>) -> Told {
 }
 
 fn no_sign_of(what: &str, bound_s: f64) -> Told {
-    let bound_hz = time_constant_s(bound_s);
+    let bound_hz = corner_frequency_hz(bound_s);
     let reason =
         format!("no sign of {what} in the trials: it is above {bound_hz:.0} Hz (95 %), if there is one");
     Told::Above { reason, hz: bound_hz }
@@ -197,8 +197,8 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
     // Beside a delay a low-pass acts by the square of its time constant, whose interval is twice as wide in proportion.
     let none_below = if is_low_pass { 0.5 * value } else { 0.0 };
     if low > none_below.max(0.0) {
-        let frequency = time_constant_s(value);
-        let farther = (time_constant_s(low) - frequency).max(frequency - time_constant_s(high));
+        let frequency = corner_frequency_hz(value);
+        let farther = (corner_frequency_hz(low) - frequency).max(frequency - corner_frequency_hz(high));
         return Told::Value { value: frequency, se: farther / INTERVAL, sign: -1.0 };
     }
     let what = if is_low_pass { "a low-pass" } else { "a limit of the motor" };

@@ -102,7 +102,7 @@ mod tests {
     use super::*;
     use crate::calibrate::rig_deviations::ToldConstant;
     use crate::calibrate::sound_rig::CAUSED;
-    use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity, time_constant_s};
+    use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity, corner_frequency_hz};
     use crate::statistics::HALF_INTERVAL_95;
     use crate::wrist::Lever;
 
@@ -189,11 +189,11 @@ mod tests {
 
     /// Delay and time constant of a torque channel, s, known to `sd` each and better together.
     fn of_channel([delay_s, lag_s]: [f64; 2], sd: f64) -> RigDeviations {
-        let se_hz =
-            (time_constant_s(lag_s - HALF_INTERVAL_95 * sd) - time_constant_s(lag_s)) / HALF_INTERVAL_95;
+        let se_hz = (corner_frequency_hz(lag_s - HALF_INTERVAL_95 * sd) - corner_frequency_hz(lag_s))
+            / HALF_INTERVAL_95;
         let measured = |name: RigQuantity| match name {
             RigQuantity::TorqueDelay => quantity(name, Some((delay_s, sd))),
-            RigQuantity::TorqueCutoff => quantity(name, Some((time_constant_s(lag_s), se_hz))),
+            RigQuantity::TorqueCutoff => quantity(name, Some((corner_frequency_hz(lag_s), se_hz))),
             _ => quantity(name, None),
         };
         let quantities = RigQuantity::ALL.map(measured).to_vec();

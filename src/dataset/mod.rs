@@ -69,7 +69,7 @@ pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, Jo
 pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;
-pub use normal_error::time_constant_s;
+pub use normal_error::{corner_frequency_hz, time_constant_s};
 pub use ramp_times::{RampTime, ramp_times};
 pub use record_csv::{Digits, record_csv};
 pub use recorder::{RecordError, Recorder};

@@ -3,9 +3,14 @@
 use super::rig_calibration::RigQuantity;
 use crate::statistics::HALF_INTERVAL_95;
 
-/// Time constant of a pole at a frequency, s; and the frequency of a pole with a time constant, Hz.
+/// Time constant of a pole at a frequency, s.
 pub fn time_constant_s(frequency_hz: f64) -> f64 {
     1.0 / (std::f64::consts::TAU * frequency_hz)
+}
+
+/// Frequency of a pole with a time constant, Hz.
+pub fn corner_frequency_hz(time_constant_s: f64) -> f64 {
+    1.0 / (std::f64::consts::TAU * time_constant_s)
 }
 
 impl RigQuantity {
@@ -33,7 +38,7 @@ impl RigQuantity {
     /// The value at a coordinate.
     pub fn value_at(self, coordinate: f64) -> f64 {
         match self {
-            _ if self.is_frequency() => time_constant_s(coordinate),
+            _ if self.is_frequency() => corner_frequency_hz(coordinate),
             _ if self.is_positive() => libm::exp(coordinate),
             _ => coordinate,
         }
@@ -47,8 +52,8 @@ mod tests {
     #[test]
     fn a_cut_off_that_is_badly_known_is_off_by_its_time_constant_and_never_negative() {
         // A time constant of 1.5 +- 0.63 ms: its interval ends at 0.27 ms, which is 600 Hz.
-        let (cutoff_hz, low_s) = (time_constant_s(1.5e-3), 1.5e-3 - HALF_INTERVAL_95 * 0.63e-3);
-        let se = (time_constant_s(low_s) - cutoff_hz) / HALF_INTERVAL_95;
+        let (cutoff_hz, low_s) = (corner_frequency_hz(1.5e-3), 1.5e-3 - HALF_INTERVAL_95 * 0.63e-3);
+        let se = (corner_frequency_hz(low_s) - cutoff_hz) / HALF_INTERVAL_95;
         assert!(se > cutoff_hz, "{se}");
         let of = RigQuantity::TorqueCutoff;
         assert!((of.normal_error(cutoff_hz, se) + 0.63e-3).abs() < 1e-12);

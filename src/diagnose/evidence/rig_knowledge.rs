@@ -8,7 +8,9 @@ use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
 use crate::calibrate::{CAUSED, RigDeviations, RigFaults, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
-use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, time_constant_s};
+use crate::dataset::{
+    AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, corner_frequency_hz, time_constant_s,
+};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
 use crate::statistics::HALF_INTERVAL_95;
@@ -136,7 +138,7 @@ impl RigKnowledge {
             let (delay_s, variance) = self.motor_delay().filter(|(delay_s, _)| *delay_s > 0.0)?;
             let is_motor = kind == MechanismKind::ServoFollowing;
             let frequency_hz =
-                if is_motor { following_bandwidth_hz(delay_s) } else { time_constant_s(delay_s) };
+                if is_motor { following_bandwidth_hz(delay_s) } else { corner_frequency_hz(delay_s) };
             (frequency_hz, frequency_hz * libm::sqrt(variance) / delay_s)
         } else {
             let own = self.told_by(kind)?;
@@ -177,8 +179,7 @@ impl RigKnowledge {
 
 /// Natural frequency of a critically damped servo, of two equal poles, that is late by `delay_s`, Hz.
 fn following_bandwidth_hz(delay_s: f64) -> f64 {
-    // A frequency and its time constant follow from each other in the same way.
-    time_constant_s(0.5 * delay_s)
+    corner_frequency_hz(0.5 * delay_s)
 }
 
 /// How late a critically damped servo of this natural frequency is, s.

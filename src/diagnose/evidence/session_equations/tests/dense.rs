@@ -69,6 +69,17 @@ fn random_session(seed: u64) -> Session {
     Session { design, spreads, point, trials }
 }
 
+/// A combination of the unknowns whose prior has the mean 0.
+struct Deviation {
+    /// Places of the unknowns, with their factors.
+    combination: Vec<(usize, f64)>,
+    variance: f64,
+    /// Of which own coordinate it is.
+    coordinate: usize,
+    /// Factor of the variance, if it is a trial's.
+    factor: Option<f64>,
+}
+
 /// All unknowns in one vector: own coordinates of trial after trial, means of the conditions, coefficients, common coordinates.
 struct Dense<'a> {
     session: &'a Session,
@@ -87,7 +98,7 @@ impl<'a> Dense<'a> {
             dense.precision += derivatives.transpose() * &derivatives / spreads.noise;
             dense.gradient -= derivatives.transpose() * &trial.residual / spreads.noise;
         }
-        for (combination, variance, _) in dense.deviations() {
+        for Deviation { combination, variance, .. } in dense.deviations() {
             dense.add(&combination, 1.0 / variance, 0.0);
         }
         for index in 0..REGRESSORS * OWN {
@@ -142,9 +153,8 @@ impl<'a> Dense<'a> {
         all
     }
 
-    /// Deviations of trials from their conditions and of conditions from the regression, with their variance in the prior; the last
-    /// value is the own coordinate of which they are, and the factor of the variance if it is a trial.
-    fn deviations(&self) -> Vec<(Vec<(usize, f64)>, f64, (usize, Option<f64>))> {
+    /// Deviations of trials from their conditions and of conditions from the regression.
+    fn deviations(&self) -> Vec<Deviation> {
         let Session { design, spreads, trials, .. } = self.session;
         let mut deviations = Vec::new();
         for (condition, members) in design.conditions.iter().enumerate() {
@@ -153,13 +163,15 @@ impl<'a> Dense<'a> {
                 for trial in members {
                     let factor = design.variance_factor[*trial];
                     let combination = vec![(OWN * trial + k, 1.0), (mean, -1.0)];
-                    deviations.push((combination, spreads.trial[k] * factor, (k, Some(factor))));
+                    let variance = spreads.trial[k] * factor;
+                    deviations.push(Deviation { combination, variance, coordinate: k, factor: Some(factor) });
                 }
                 let mut combination = vec![(mean, 1.0)];
                 for (a, regressor) in design.regressors[condition].iter().enumerate() {
                     combination.push((Self::place_of_coefficient(self.session, a * OWN + k), -regressor));
                 }
-                deviations.push((combination, spreads.condition[k], (k, None)));
+                let variance = spreads.condition[k];
+                deviations.push(Deviation { combination, variance, coordinate: k, factor: None });
             }
         }
         deviations
@@ -222,16 +234,18 @@ fn expected_squares_are_those_of_one_matrix_over_all_unknowns() {
         let step = -&covariance * &dense.gradient;
         let minimum = dense.point() + &step;
         let mut expected = [DVector::zeros(OWN), DVector::zeros(OWN)];
-        for (combination, _, (k, factor)) in dense.deviations() {
+        for Deviation { combination, coordinate, factor, .. } in dense.deviations() {
             let mut row = DVector::zeros(minimum.len());
             combination.iter().for_each(|(place, by)| row[*place] = *by);
             let off = row.dot(&minimum);
             let square = off * off + row.dot(&(&covariance * &row));
-            expected[usize::from(factor.is_none())][k] += square / factor.unwrap_or(1.0);
+            expected[usize::from(factor.is_none())][coordinate] += square / factor.unwrap_or(1.0);
         }
-        for k in 0..OWN {
-            assert_close(found.trial[k], expected[0][k], "trials");
-            assert_close(found.condition[k], expected[1][k], "conditions");
+        for (found, expected) in [&found.trial, &found.condition].into_iter().zip(&expected) {
+            found
+                .iter()
+                .zip(expected)
+                .for_each(|(found, expected)| assert_close(*found, *expected, "spreads"));
         }
         let mut residual = 0.0;
         for (number, trial) in trials.iter().enumerate() {
