@@ -141,9 +141,9 @@ impl SessionRequest<'_> {
                 "--subject is required with a motor; give the identifier of the subject".to_owned(),
             ));
         };
-        if !Subject::is_identifier(subject) {
+        if !files::is_single_name(subject) {
             return Err(Failure::Usage(format!(
-                "--subject {subject:?}: is no identifier; with a motor, expected one of letters, digits, -, _ and . such as S03"
+                "--subject {subject:?}: expected a name such as S03, without /, \\, : and control characters: files of its sessions are named after it"
             )));
         }
         let seed = self.seed.unwrap_or_else(draw_seed);

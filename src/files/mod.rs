@@ -28,7 +28,7 @@ pub use csv_cell::{csv_cell, text_of_cell};
 pub use entry_kind::EntryKind;
 pub use folder::{Folder, FolderEntry, FolderLock};
 pub use given::{exists, make_folders, open, read, read_text};
-pub use plain_name::is_plain_name;
+pub use plain_name::{is_plain_name, is_single_name};
 pub use quoted::{excerpt, without_controls};
 pub use refusal::{FileRefusal, is_refusal};
 pub use tree::TreeFile;

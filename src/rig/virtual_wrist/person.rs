@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mechanism_list::MechanismList;
-use crate::files::is_plain_name;
+use crate::files::is_single_name;
 use crate::json_file::{self, JsonFileError};
 use crate::random::Stream;
 
@@ -327,8 +327,8 @@ impl Person {
         if self.format != PERSON_FORMAT {
             return refuse("format", self.format.clone(), PERSON_FORMAT);
         }
-        if !is_plain_name(&self.id) {
-            let expected = "an identifier of letters, digits, -, _ and . such as S03: files of its sessions are named after it";
+        if !is_single_name(&self.id) {
+            let expected = "a name such as S03, without /, \\, : and control characters: files of its sessions are named after it";
             return refuse("id", format!("{:?}", self.id), expected);
         }
         for (field, value) in positive {
