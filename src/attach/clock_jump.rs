@@ -1,6 +1,6 @@
 //! Samples that were lost between two ramps: a step between two clocks, where a line is expected.
 
-use crate::statistics::{t_two_sided, upper_median};
+use crate::statistics::{SD_BY_MEDIAN, t_two_sided, upper_median};
 
 /// Probability with which a sound recording is said to have a step.
 const FALSE_ALARM: f64 = 1e-3;
@@ -38,8 +38,8 @@ pub fn clock_steps(pairs: &[RampPair], resolution_s: f64) -> Vec<ClockStep> {
     let speed = upper_median(speeds).unwrap_or(f64::NAN);
     let change = |at: usize| interval(at).1 - speed * interval(at).0;
     let size = upper_median(neighbours.iter().map(|at| change(*at).abs())).unwrap_or(f64::NAN);
-    // The median size of normal values is 1/1.4826 of their deviation. Two rounded times are off by 1/12 of a step's square each.
-    let scatter_s = (1.4826 * size).max(resolution_s / 6.0_f64.sqrt());
+    // Two rounded times are off by 1/12 of a step's square each.
+    let scatter_s = (SD_BY_MEDIAN * size).max(resolution_s / 6.0_f64.sqrt());
     let count = neighbours.len() as f64;
     let is_taken_back = |at: usize| {
         let other = |beside: usize| if neighbours.contains(&beside) { change(beside) } else { 0.0 };

@@ -10,7 +10,7 @@ use super::contradiction::Contradiction;
 use super::frozen_emg::longest_run_by_chance;
 use super::ramp::rounded;
 use super::repeated_record::has_noise;
-use super::samples_of_ramp::{RampChannel, samples_of_ramp};
+use super::samples_of_ramp::{RampChannel, resolution, samples_of_ramp};
 use super::signal_check::SignalCheck;
 use crate::dataset::Trial;
 
@@ -131,10 +131,8 @@ fn at_end(values: &[f64], ramp: Range<usize>, end: f64, all: usize) -> Option<Pl
         at += samples.max(1);
     }
     let (begin, samples) = longest.filter(|(_, samples)| *samples >= FEWEST_SAMPLES)?;
-    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    let resolution = steps.fold(f64::INFINITY, f64::min);
     let slope = (values[begin - 1] - values[begin - 2]).abs();
-    if slope * samples as f64 <= TURNING_STEPS * resolution {
+    if slope * samples as f64 <= TURNING_STEPS * resolution(values) {
         return None;
     }
     // The probability of two equal neighbours is that of the rest of the record, with one pair of either kind added.

@@ -5,13 +5,10 @@
 
 use super::contradiction::Contradiction;
 use super::ramp::rounded;
-use super::samples_of_ramp::RampChannel;
+use super::samples_of_ramp::{AFTER_S, RampChannel, resolution};
 use super::signal_check::SignalCheck;
 use crate::dataset::Trial;
 use crate::signal;
-
-/// Signals are looked at from the begin of the motion on for this time, s: the ramps that are used, and what follows at once.
-const MOVING_S: f64 = 0.1;
 
 /// A move counts if it is larger than this many steps of the resolution.
 const MOVE_STEPS: f64 = 1.5;
@@ -30,10 +27,9 @@ struct Moves {
 
 impl Moves {
     fn of(trial: &Trial, values: &[f64], sample_rate_hz: f64) -> Self {
-        let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-        let least = MOVE_STEPS * steps.fold(f64::INFINITY, f64::min);
+        let least = MOVE_STEPS * resolution(values);
         let Some(motion) = signal::onset(&trial.record.theta_m_rad) else { return Self::default() };
-        let end = motion + libm::round(MOVING_S * sample_rate_hz) as usize;
+        let end = motion + libm::round(AFTER_S * sample_rate_hz) as usize;
         let mut moves = Self::default();
         let mut changed = None;
         for at in motion + 1..end.min(values.len()) {

@@ -1,4 +1,4 @@
-//! The samples that a ramp is judged by, and the channels that are fitted.
+//! The samples that a ramp is judged by, the channels that are fitted, and how finely they are resolved.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::signal;
 const BEFORE_S: f64 = 0.04;
 
 /// Samples count up to this time after the onset, s: the ramps that are used, and what follows at once.
-const AFTER_S: f64 = 0.1;
+pub(super) const AFTER_S: f64 = 0.1;
 
 /// A channel that every session has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,4 +59,11 @@ pub fn samples_of_ramp(trial: &Trial, sample_rate_hz: f64) -> Option<Range<usize
     let end = (onset + samples(AFTER_S)).min(trial.record.theta_m_rad.len());
     let start = onset.saturating_sub(samples(BEFORE_S)).min(end);
     Some(start..end)
+}
+
+/// The smallest step of a channel; 0 for one that never moves.
+pub fn resolution(values: &[f64]) -> f64 {
+    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    let least = steps.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
 }

@@ -5,9 +5,10 @@
 
 use super::contradiction::Contradiction;
 use super::ramp::rounded;
-use super::samples_of_ramp::{RampChannel, samples_of_ramp};
+use super::samples_of_ramp::{RampChannel, resolution, samples_of_ramp};
 use super::signal_check::SignalCheck;
 use crate::dataset::Trial;
+use crate::statistics::{SD_BY_MEDIAN, upper_median};
 
 /// Standard deviations of the noise from which on a sample is no chance: in white noise, of which a second difference has the variance 6, half
 /// of it is beyond 8.6 standard deviations of a sample once in 5e11 samples (normal), in less than one session of a million.
@@ -29,9 +30,6 @@ const FEW: usize = 12;
 /// A sample counts if it is this many times as far off as the farthest of the same ramp is in three quarters of the trials: the shock of a ramp
 /// comes in all of them. In the measured ankles, whose torque is sampled at 1 kHz behind no lever, the largest is 2.4 times as far off.
 const TIMES_OTHER_TRIALS: f64 = 4.0;
-
-/// Standard deviation of normal values by their median without sign.
-const SD_BY_MEDIAN: f64 = 1.4826;
 
 /// A sample far from its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,18 +124,8 @@ fn height(values: &[f64], sample: usize) -> f64 {
 /// Standard deviation of the noise of a channel, from the second differences of its samples, most of which are at rest; the ramp and wrong
 /// samples do not count.
 fn noise(values: &[f64]) -> f64 {
-    let mut differences: Vec<f64> =
-        values.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).abs()).collect();
-    differences.sort_by(f64::total_cmp);
-    let middle = differences.get(differences.len() / 2).copied().unwrap_or(0.0);
-    SD_BY_MEDIAN * middle / libm::sqrt(6.0)
-}
-
-/// The smallest step of a channel; 0 for one that never moves.
-fn resolution(values: &[f64]) -> f64 {
-    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    let least = steps.fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least } else { 0.0 }
+    let differences = values.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).abs());
+    SD_BY_MEDIAN * upper_median(differences).unwrap_or(0.0) / libm::sqrt(6.0)
 }
 
 #[cfg(test)]

@@ -9,13 +9,11 @@ use super::contradiction::Contradiction;
 use super::measured_trial::{MeasuredTrial, median};
 use super::ramp::rounded;
 use super::signal_check::SignalCheck;
+use crate::statistics::SD_BY_MEDIAN;
 
 /// A record is not that of its row if it is beyond this many standard deviations of what rows scatter, and is that of another row, or of its
 /// own with the sign turned, if it is within as many of it.
 const STANDARD_DEVIATIONS: f64 = 5.0;
-
-/// Standard deviation of normal values by their median absolute deviation.
-const SD_BY_MEDIAN: f64 = 1.4826;
 
 /// Trials that state the same, from which on their median holds if one of them is wrong.
 const LEVEL_TRIALS: usize = 3;

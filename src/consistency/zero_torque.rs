@@ -4,6 +4,7 @@ use super::contradiction::Contradiction;
 use super::measured_trial::{MeasuredTrial, median};
 use super::ramp::rounded;
 use super::signal_check::SignalCheck;
+use crate::statistics::SD_BY_MEDIAN;
 
 /// A wrist that is relaxed holds no more, N m: the weight of a hand is some 4 N, 7 cm from the wrist.
 const RELAXED_NM: f64 = 0.5;
@@ -13,9 +14,6 @@ const NEARER: f64 = 0.5;
 
 /// A difference counts if it is this many standard deviations of what trials of one row scatter.
 const STANDARD_DEVIATIONS: f64 = 5.0;
-
-/// Standard deviation of normal values by their median absolute deviation.
-const SD_BY_MEDIAN: f64 = 1.4826;
 
 /// What `trials` that state a torque of 0 show instead. An offset of the gauge is part of all trials: where others state a torque, only the
 /// difference to them counts.

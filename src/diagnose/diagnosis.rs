@@ -242,7 +242,7 @@ fn compared_models<'a>(
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
     // What rig trials tell is not looked for in the person's.
     let kinds: Vec<MechanismKind> = kinds.into_iter().filter(|kind| !search.prior.rig.tells(*kind)).collect();
-    let given = TestedFit::new(observations, before, &[], &search.prior, seed);
+    let given = TestedFit::new(observations, before, Vec::new(), &[], &search.prior, seed);
     stage("fitting the mechanisms of the catalogue");
     search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
     stage("fitting unknown laws");
@@ -270,10 +270,7 @@ fn tested(search: &ModelSearch, model: &ComparedModel, fit: &Fit, seed: u64) -> 
     let prior = &search.prior;
     let changed: Vec<MechanismKind> =
         model.causes.iter().flat_map(|cause| prior.rig.changed_by(*cause)).collect();
-    let drifts = prior.constant_drifts.about(search.observations(), fit);
-    let mut changes = model.posterior.size_changes();
-    changes.extend(drifts.of_constants(&changed));
-    TestedFit::new(search.observations(), fit, &changes, prior, seed)
+    TestedFit::new(search.observations(), fit, model.posterior.size_changes(), &changed, prior, seed)
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.

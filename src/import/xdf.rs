@@ -11,7 +11,7 @@ use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
 use crate::dataset::XDF_MAGIC;
-use crate::statistics::upper_median;
+use crate::statistics::{SD_BY_MEDIAN, upper_median};
 
 /// The most streams, and the most channels of a stream, that are read.
 const MOST_STREAMS: usize = 1000;
@@ -362,8 +362,8 @@ fn clock_step(offsets: &[(f64, f64)]) -> Option<(f64, f64)> {
     if changes.is_empty() {
         return None;
     }
-    // The difference of two medians of noise is less uncertain than that of two values, of which 1.48 medians are the deviation.
-    let sd_s = 1.4826 * median(&changes);
+    // The difference of two medians of noise is less uncertain than that of two values.
+    let sd_s = SD_BY_MEDIAN * median(&changes);
     let least_s = SMALLEST_STEP_S.max(STEP_IN_SDS * sd_s);
     let (least, most) = OFFSETS_BESIDE_STEP;
     let step = |at: usize| {

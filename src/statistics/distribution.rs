@@ -7,6 +7,9 @@ use statrs::function::gamma::checked_gamma_ur;
 /// Half width of a 95 % interval of a normal distribution, in standard deviations.
 pub const HALF_INTERVAL_95: f64 = 1.96;
 
+/// Standard deviation of normal values in units of the median of their absolute values.
+pub const SD_BY_MEDIAN: f64 = 1.4826;
+
 /// P(F > f) with `df` degrees of freedom (numerator, denominator; fractions allowed). Precise to small relative error far out in the
 /// tail; NaN if `f` is NaN or a degree of freedom is not positive.
 pub fn f_tail(f: f64, df: [f64; 2]) -> f64 {

@@ -21,7 +21,9 @@ mod welch;
 pub use bayes_factor::largest_posterior;
 pub use correlation::rank_correlation;
 pub use determinant::log_determinant_of_factor;
-pub use distribution::{HALF_INTERVAL_95, chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
+pub use distribution::{
+    HALF_INTERVAL_95, SD_BY_MEDIAN, chi_square_tail, f_tail, t_quantile, t_two_sided, wilson,
+};
 pub use groups::group_indices;
 pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};

@@ -5,6 +5,7 @@ use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use super::score_test::{UndetectableMechanism, probes};
 use crate::diagnose::evidence::session_prior::SessionPrior;
 use crate::fit::{Fit, Observations};
+use crate::wrist::mechanisms::MechanismKind;
 
 /// How the residuals of a fit compare with noise alone, and what it could not show.
 pub struct TestedFit {
@@ -17,18 +18,20 @@ pub struct TestedFit {
 }
 
 impl TestedFit {
-    /// Tests the residuals of `fit`, where trials share the drifts of measured constants and the errors of the angle of `prior`, and what
-    /// lies in the `further` directions is explained as well.
+    /// Tests the residuals of `fit`, where trials share the drifts of measured constants and the errors of the angle of `prior`. What lies in
+    /// the `further` directions is explained as well, and so are the drifts of constants that the causes `changed` are about.
     pub fn new(
         observations: &Observations,
         fit: &Fit,
-        further: &[WhitenedTrials],
+        further: Vec<WhitenedTrials>,
+        changed: &[MechanismKind],
         prior: &SessionPrior,
         seed: u64,
     ) -> Self {
         let drifts = prior.constant_drifts.about(observations, fit);
         let shared = (&drifts, &prior.angle_errors.about(observations, fit));
-        let tangent = ResidualProjection::new(observations, fit, further, shared);
+        let further: Vec<WhitenedTrials> = further.into_iter().chain(drifts.of_constants(changed)).collect();
+        let tangent = ResidualProjection::new(observations, fit, &further, shared);
         let (probes, undetectable) = probes(observations, fit, &tangent);
         let misfit = misfit_statistics(observations, &tangent, &probes, &tangent.residuals());
         let noise_alone = NullDistribution::new(observations, &tangent, shared, &probes, seed);

@@ -1,7 +1,10 @@
 //! Whether a drive was restarted since it was armed: a restart takes its origin away, and nothing in CiA 402 says that it has one.
 //!
-//! Three things show it, each where the others may not: the boot-up message, unless it was lost while nobody read the bus; the limits,
-//! unless the drive keeps its settings; and a mark among the values that a drive is told anew at each start, unless it has no such object.
+//! Three things show it, and each may fail:
+//!
+//! - the boot-up message, which is lost while nobody reads the bus;
+//! - the limits, which a drive with a memory for its settings keeps;
+//! - a mark in the target torque (6071h), which no drive keeps, but which some do not have.
 
 use super::device::Cia402;
 use crate::rig::can::canopen::{CanopenError, Link, Object};

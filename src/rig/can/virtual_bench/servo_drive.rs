@@ -365,7 +365,7 @@ impl Device for EmulatedServoDrive {
             }
             BenchFault::RebootWithSettings => {
                 let mut objects = std::mem::take(&mut self.node.objects);
-                // What a drive is told to do is no setting.
+                // Commands and targets are no settings: the memory does not keep them.
                 TOLD.iter().for_each(|index| drop(objects.remove(&(*index, 0))));
                 let shaft_rad = self.shaft_rad;
                 *self = Self::new(now, shaft_rad);
