@@ -67,6 +67,15 @@ impl<P: Plain, const N: usize> Number for Jet<P, N> {
     }
 
     #[inline(always)]
+    fn add_scaled(self, other: Self, factor: f64) -> Self {
+        let factor = P::splat(factor);
+        Self {
+            value: self.value + other.value * factor,
+            slope: each_slope!(N, |i| other.slope[i].mul_add(factor, self.slope[i])),
+        }
+    }
+
+    #[inline(always)]
     fn shifted(self, by: P) -> Self {
         Self { value: self.value + by, slope: self.slope }
     }
@@ -136,7 +145,7 @@ impl<P: Plain, const N: usize> Mul for Jet<P, N> {
     fn mul(self, other: Self) -> Self {
         Self {
             value: self.value * other.value,
-            slope: each_slope!(N, |i| self.slope[i] * other.value + self.value * other.slope[i]),
+            slope: each_slope!(N, |i| self.slope[i].mul_add(other.value, self.value * other.slope[i])),
         }
     }
 }

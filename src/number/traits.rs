@@ -64,6 +64,13 @@ pub trait Number:
         self.times(Self::Plain::splat(factor))
     }
 
+    /// Sum with `other` times a constant that has the given value in every lane. Derivatives are multiplied and added with one rounding;
+    /// the value has the same bits as that of the single operations.
+    #[inline(always)]
+    fn add_scaled(self, other: Self, factor: f64) -> Self {
+        self + other.scale(factor)
+    }
+
     /// e to the power of self.
     #[inline(always)]
     fn exp(self) -> Self {

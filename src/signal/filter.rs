@@ -112,9 +112,9 @@ impl Section {
     /// The next output.
     #[inline(always)]
     pub fn step<T: Number>(&self, state: &mut SectionState<T>, input: T) -> T {
-        let output = input.scale(self.b[0]) + state.0[0];
-        state.0[0] = input.scale(self.b[1]) - output.scale(self.a[0]) + state.0[1];
-        state.0[1] = input.scale(self.b[2]) - output.scale(self.a[1]);
+        let output = state.0[0].add_scaled(input, self.b[0]);
+        state.0[0] = input.scale(self.b[1]).add_scaled(output, -self.a[0]) + state.0[1];
+        state.0[1] = input.scale(self.b[2]).add_scaled(output, -self.a[1]);
         output
     }
 }

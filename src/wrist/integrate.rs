@@ -39,14 +39,13 @@ impl<T: Number> HermiteSegment<T> {
     /// Angle and speed at the fraction `u` (0 to 1) of the period.
     #[inline(always)]
     pub fn at(&self, u: f64) -> Kinematics<T> {
-        let theta = self.start.theta
-            + self.start.omega.scale(self.period_s * u)
-            + self.square.scale(u * u)
-            + self.cube.scale(u * u * u);
-        let omega = self.start.omega
-            + self.square.scale(2.0 * u / self.period_s)
-            + self.cube.scale(3.0 * u * u / self.period_s);
-        Kinematics { theta, omega }
+        let Kinematics { theta, omega } = self.start;
+        let angle = theta.add_scaled(omega, self.period_s * u).add_scaled(self.square, u * u);
+        let speed = omega.add_scaled(self.square, 2.0 * u / self.period_s);
+        Kinematics {
+            theta: angle.add_scaled(self.cube, u * u * u),
+            omega: speed.add_scaled(self.cube, 3.0 * u * u / self.period_s),
+        }
     }
 
     /// Angular acceleration at the start of the segment, rad/s2.
@@ -165,17 +164,20 @@ impl<T: Number> Integrator<T> {
             "the mechanisms add too many states; each may be switched on once"
         );
         let mut measured = T::constant(0.0);
-        begin.copy_from(state, count);
-        at.copy_from(state, count);
+        let mut motor = input.at(0.0);
         let mut evaluation = 0;
         while evaluation < substeps * STAGES.len() {
             let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
             let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
+            // The others are at the time of the evaluation before.
+            if stage == 1 || stage == 3 {
+                motor = input.at(u);
+            }
             let torques = mechanics.rates(
                 added_dynamics,
                 &at.base,
                 &at.added,
-                input.at(u),
+                motor,
                 start_s + u * period_s,
                 &mut rates.base,
                 &mut rates.added,
@@ -193,8 +195,7 @@ impl<T: Number> Integrator<T> {
                 begin.copy_from(state, count);
                 at.copy_from(state, count);
             } else {
-                at.copy_from(begin, count);
-                at.add(rates, STAGES[stage + 1].0 * step, count);
+                at.set_to(begin, rates, STAGES[stage + 1].0 * step, count);
             }
             evaluation += 1;
         }
@@ -223,13 +224,28 @@ impl<T: Number> ExtendedState<T> {
     #[inline(always)]
     fn add(&mut self, rates: &Self, step: f64, count: usize) {
         let (own, by) = (&mut self.base, &rates.base);
-        own.theta_l = own.theta_l + by.theta_l.scale(step);
-        own.omega_l = own.omega_l + by.omega_l.scale(step);
-        own.theta_j = own.theta_j + by.theta_j.scale(step);
-        own.omega_j = own.omega_j + by.omega_j.scale(step);
+        own.theta_l = own.theta_l.add_scaled(by.theta_l, step);
+        own.omega_l = own.omega_l.add_scaled(by.omega_l, step);
+        own.theta_j = own.theta_j.add_scaled(by.theta_j, step);
+        own.omega_j = own.omega_j.add_scaled(by.omega_j, step);
         let mut slot = 0;
         while slot < count {
-            self.added[slot] = self.added[slot] + rates.added[slot].scale(step);
+            self.added[slot] = self.added[slot].add_scaled(rates.added[slot], step);
+            slot += 1;
+        }
+    }
+
+    /// Becomes `from + step * rates`; of the added states the first `count`.
+    #[inline(always)]
+    fn set_to(&mut self, from: &Self, rates: &Self, step: f64, count: usize) {
+        let (own, before, by) = (&mut self.base, &from.base, &rates.base);
+        own.theta_l = before.theta_l.add_scaled(by.theta_l, step);
+        own.omega_l = before.omega_l.add_scaled(by.omega_l, step);
+        own.theta_j = before.theta_j.add_scaled(by.theta_j, step);
+        own.omega_j = before.omega_j.add_scaled(by.omega_j, step);
+        let mut slot = 0;
+        while slot < count {
+            self.added[slot] = from.added[slot].add_scaled(rates.added[slot], step);
             slot += 1;
         }
     }

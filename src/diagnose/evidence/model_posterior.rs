@@ -31,6 +31,10 @@ const COST_TOLERANCE: f64 = 0.1;
 /// Number of linearisations after which a model is given up if it does not promise to be worth it.
 const LINEARISATIONS_TO_PROMISE: usize = 3;
 
+/// Number of linearisations whose progress says how far the others would lead. In a flat, curved valley each step promises more than it
+/// brings.
+const LINEARISATIONS_TO_PROGRESS: usize = 6;
+
 /// Longest step of a logarithm.
 const LONGEST_LOG_STEP: f64 = 0.5;
 
@@ -43,6 +47,50 @@ const LARGEST_DAMPING: f64 = 1e6;
 
 /// A predicted decrease above which a point is no optimum.
 const TRUSTED_DECREASE: f64 = 2.0;
+
+/// Logarithms of the evidence below which a model is not worth its time.
+#[derive(Debug, Clone, Copy)]
+pub struct LeastEvidence {
+    /// What the first steps must promise.
+    pub promised: f64,
+    /// What the progress of later steps must lead to.
+    pub reached: f64,
+}
+
+impl LeastEvidence {
+    /// For a model that is followed to its optimum, whatever it is worth.
+    pub const NONE: Self = Self { promised: f64::NEG_INFINITY, reached: f64::NEG_INFINITY };
+}
+
+/// The way to an optimum.
+#[derive(Default)]
+struct Progress {
+    /// The logarithm of the evidence at each point, were it the optimum.
+    evidence: Vec<f64>,
+    /// What the next step promises, and as much again for what is curved.
+    promised: f64,
+}
+
+impl Progress {
+    fn add(&mut self, quadratic: &Quadratic) {
+        self.evidence.push(quadratic.log_evidence - quadratic.decrease);
+        self.promised = quadratic.log_evidence + quadratic.decrease;
+    }
+
+    /// Whether neither what is promised nor what the last steps brought leads to the evidence `least`.
+    fn falls_short_of(&self, least: LeastEvidence) -> bool {
+        let steps = self.evidence.len() - 1;
+        if steps >= LINEARISATIONS_TO_PROMISE && self.promised < least.promised {
+            return true;
+        }
+        if steps < LINEARISATIONS_TO_PROGRESS {
+            return false;
+        }
+        let (now, before) = (self.evidence[steps], self.evidence[steps - LINEARISATIONS_TO_PROGRESS]);
+        let left = (MAX_LINEARISATIONS - steps) as f64 / LINEARISATIONS_TO_PROGRESS as f64;
+        self.promised.max(now + left * (now - before).max(0.0)) < least.reached
+    }
+}
 
 /// The posterior of a model near one optimum.
 #[derive(Debug, Clone)]
@@ -75,15 +123,15 @@ pub struct ModelPosterior {
 
 impl ModelPosterior {
     /// The posterior that is reached from the parameters of `start`, a fit whose model has the mechanisms `added`, with their laws as
-    /// catalogued. `None` if the approximation fails there. The search ends early where it does not promise a logarithm of the evidence of
-    /// `least`; what it has reached by then is returned.
+    /// catalogued. `None` if the approximation fails there. The search ends early where it does not promise the evidence `least`; what it has
+    /// reached by then is returned.
     pub fn with_exact_laws(
         observations: &Observations,
         prior: &SessionPrior,
         start: &Fit,
         added: &[MechanismKind],
         spreads: Option<&Spreads>,
-        least: f64,
+        least: LeastEvidence,
     ) -> Option<Self> {
         Self::settled(observations, prior, start.clone(), added, spreads, None, least)
     }
@@ -95,7 +143,8 @@ impl ModelPosterior {
         if fit.kinds.len() == self.fit.kinds.len() {
             return None;
         }
-        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), None, f64::NEG_INFINITY)
+        let least = LeastEvidence::NONE;
+        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), None, least)
     }
 
     /// This posterior where trials have other variances about their condition.
@@ -106,7 +155,7 @@ impl ModelPosterior {
         variance_factor: &[f64],
     ) -> Option<Self> {
         let fit = self.fit.clone();
-        let least = f64::NEG_INFINITY;
+        let least = LeastEvidence::NONE;
         Self::settled(
             observations,
             prior,
@@ -125,7 +174,7 @@ impl ModelPosterior {
         added: &[MechanismKind],
         spreads: Option<&Spreads>,
         variance_factor: Option<&[f64]>,
-        least: f64,
+        least: LeastEvidence,
     ) -> Option<Self> {
         let unknowns = Unknowns::of(&fit);
         let effect = |kind: MechanismKind| prior.effect_nm(observations, &fit, kind);
@@ -143,6 +192,8 @@ impl ModelPosterior {
         let mut here = Here::new(observations, fit.clone(), &unknowns, &columns, &design, None)?;
         let (mut quadratic, mut held) = here.quadratic(&unknowns, &design, &mut spreads)?;
         let mut damping = 0.0;
+        let mut progress = Progress::default();
+        progress.add(&quadratic);
         let mut steps = 0;
         while quadratic.decrease > COST_TOLERANCE && steps < MAX_LINEARISATIONS {
             steps += 1;
@@ -150,8 +201,8 @@ impl ModelPosterior {
             let Some(next) = here.stepped(context, &spreads, &quadratic, &mut damping) else { break };
             here = next;
             (quadratic, held) = here.quadratic(&unknowns, &design, &mut spreads)?;
-            // What a step promises is in the evidence already; curvature may add as much again.
-            if steps >= LINEARISATIONS_TO_PROMISE && quadratic.log_evidence + quadratic.decrease < least {
+            progress.add(&quadratic);
+            if progress.falls_short_of(least) {
                 break;
             }
         }
@@ -458,4 +509,27 @@ fn one_sided(
 fn above_bound(mean: f64, variance: f64) -> f64 {
     let sd = libm::sqrt(variance.max(f64::MIN_POSITIVE));
     std::f64::consts::LN_2 + log_normal_distribution(mean / sd)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn progress(evidence: impl Iterator<Item = f64>, promised: f64) -> Progress {
+        Progress { evidence: evidence.collect(), promised }
+    }
+
+    #[test]
+    fn a_model_is_followed_while_what_it_promises_or_brings_leads_to_what_it_must_reach() {
+        let least = LeastEvidence { promised: 20.0, reached: 100.0 };
+        let slow = |steps: u32| (0..=steps).map(|step| 50.0 + 0.1 * f64::from(step));
+        assert!(!progress(slow(2), 0.0).falls_short_of(least), "two steps say nothing yet");
+        assert!(progress(slow(3), 19.0).falls_short_of(least));
+        assert!(!progress(slow(5), 60.0).falls_short_of(least), "five do not say how far others lead");
+        assert!(progress(slow(6), 60.0).falls_short_of(least));
+        assert!(!progress(slow(6), 110.0).falls_short_of(least), "the next step promises enough");
+        let steady = (0..=6).map(|step| 50.0 + 2.0 * f64::from(step));
+        assert!(!progress(steady, 60.0).falls_short_of(least), "40 such steps lead far enough");
+        assert!(!progress(slow(30), 0.0).falls_short_of(LeastEvidence::NONE));
+    }
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::channel_errors::ChannelErrors;
 use super::covariates::{Covariates, DataRequirement};
 use super::free_law_kind::FreeLawKind;
-use super::mechanism::{LONGEST_STEP_OF_A_LAG, MechanismClass};
+use super::mechanism::{MechanismClass, longest_step_of_a_lag};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::spline::{SPLINE_COEFFICIENTS, SPLINE_PARAMETERS, Spline};
@@ -123,7 +123,7 @@ impl FreeLawKind {
     /// The longest step of an integration that the law's states allow, s.
     pub(super) fn longest_step_s(self, p: &[f64]) -> f64 {
         match self {
-            Self::TorqueChannelPastTorque => LONGEST_STEP_OF_A_LAG * p[0] * lag_fraction(0),
+            Self::TorqueChannelPastTorque => longest_step_of_a_lag(p[0] * lag_fraction(0)),
             _ => f64::INFINITY,
         }
     }

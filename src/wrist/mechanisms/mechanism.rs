@@ -16,8 +16,16 @@ use crate::wrist::plant::{Lever, Plant};
 /// half its range: amplifiers warm, joints bed in. Assumed.
 pub const SIZE_DRIFT_SD: f64 = 0.1;
 
-/// Longest step of an integration through a first-order lag, in its time constants: one of half a time constant leaves 3e-5 N m.
-pub(super) const LONGEST_STEP_OF_A_LAG: f64 = 0.35;
+/// Longest step of an integration through a first-order lag of `time_constant_s`, s: its error is below 1e-4 N m.
+///
+/// A torque that rises steadily is late by the time constant, and a step leaves a part of that which goes with the fourth power of the
+/// step in time constants. So the same error allows a faster lag more of them.
+pub(super) fn longest_step_of_a_lag(time_constant_s: f64) -> f64 {
+    /// A lag of this time constant, s, allows a step of [`LONGEST_STEP`] time constants: measured against 256 steps.
+    const TIME_CONSTANT_S: f64 = 3.5e-4;
+    const LONGEST_STEP: f64 = 0.55;
+    LONGEST_STEP * time_constant_s * libm::sqrt(libm::sqrt(TIME_CONSTANT_S / time_constant_s))
+}
 
 /// Where a mechanism acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! A Maxwell branch in parallel with k_j: a spring whose torque decays.
 
-use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext, longest_step_of_a_lag};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -48,7 +48,7 @@ impl Mechanism for StressRelaxation {
     }
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
-        LONGEST_STEP_OF_A_LAG * p[1]
+        longest_step_of_a_lag(p[1])
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Torque from the delayed, rectified stretch velocity through a first-order lag.
 
-use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext, longest_step_of_a_lag};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -70,7 +70,7 @@ impl Mechanism for StretchReflex {
     }
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
-        LONGEST_STEP_OF_A_LAG * p[2]
+        longest_step_of_a_lag(p[2])
     }
 
     #[inline(always)]

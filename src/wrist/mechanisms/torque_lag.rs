@@ -1,7 +1,7 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
 use super::covariates::Covariates;
-use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext, longest_step_of_a_lag};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -42,7 +42,7 @@ impl Mechanism for TorqueLag {
     }
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
-        LONGEST_STEP_OF_A_LAG / (std::f64::consts::TAU * p[0])
+        longest_step_of_a_lag(1.0 / (std::f64::consts::TAU * p[0]))
     }
 
     #[inline(always)]

@@ -151,6 +151,35 @@ fn the_error_of_steps_with_a_mechanism_stays_below_a_fifth_of_a_millinewtonmetre
     }
 }
 
+#[test]
+fn a_low_pass_of_any_cutoff_is_followed_at_every_rate_and_lever() {
+    let stiff = Lever { inertia_kg_m2: 0.0008, damping_nm_s_per_rad: 0.5, stiffness_nm_per_rad: 2500.0 };
+    let kinds = [MechanismKind::TorqueLag];
+    let MechanismParameter { low, high, .. } = MechanismKind::TorqueLag.parameters()[0];
+    const CUTOFFS: u32 = 16;
+    for (rate_hz, lever) in [500.0, 1e3, 2.5e3, 5e3, 1e4]
+        .into_iter()
+        .flat_map(|rate_hz| [Some(LEVER), Some(stiff), None].map(move |lever| (rate_hz, lever)))
+    {
+        let (period_s, samples) = (1.0 / rate_hz, (0.040 * rate_hz) as usize);
+        let trial = ramp_sampled(3.25, period_s);
+        for number in 0..CUTOFFS {
+            let cutoff_hz = low * libm::pow(high / low, f64::from(number) / f64::from(CUTOFFS - 1));
+            let parameters: Vec<f64> = PERSON.into_iter().chain([cutoff_hz]).collect();
+            let with = |substeps| {
+                let own = settings(&kinds, &[], &[]);
+                let settings =
+                    SimulationSettings { lever, substeps, period_s, samples, lead_samples: 0, ..own };
+                run(&settings, &trial, &parameters).torque_nm
+            };
+            let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
+            let error = largest_difference(&with(steps), &with(256));
+            assert!(error < 1e-4, "{error:e} N m of {cutoff_hz} Hz at {rate_hz} Hz, {steps} steps");
+            assert!(steps as f64 * rate_hz < 1e5, "{steps} steps of {cutoff_hz} Hz at {rate_hz} Hz");
+        }
+    }
+}
+
 /// Before the yield nothing is approximated: many exact steps are as good as one.
 #[test]
 fn without_a_yield_one_exact_step_is_as_good_as_many() {

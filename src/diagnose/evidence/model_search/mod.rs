@@ -14,7 +14,7 @@ mod trial_outliers;
 
 use rayon::prelude::*;
 
-use super::model_posterior::ModelPosterior;
+use super::model_posterior::{LeastEvidence, ModelPosterior};
 use super::model_prior::ModelPrior;
 use super::session_prior::SessionPrior;
 use crate::fit::{Fit, K_DEC, K_SRS, Model, Observations, ParameterSpec, Transform, X_E};
@@ -67,7 +67,7 @@ impl<'a> ModelSearch<'a> {
     ) -> Option<Self> {
         let starts = limit_restarts(observations, before);
         let none = best(starts.par_iter().map(|start| {
-            ModelPosterior::with_exact_laws(observations, &prior, start, &[], None, f64::NEG_INFINITY)
+            ModelPosterior::with_exact_laws(observations, &prior, start, &[], None, LeastEvidence::NONE)
         }))?;
         let none_evidence = none.log_evidence;
         tracing::debug!(none_evidence, noise = none.spreads.noise, "no cause");

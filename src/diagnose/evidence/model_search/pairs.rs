@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::linear_estimate::{LinearModel, ProbedChange};
 use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS};
-use crate::diagnose::evidence::model_posterior::ModelPosterior;
+use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
 use crate::wrist::mechanisms::MechanismKind;
 
 /// An estimate of the second of two causes, linear about the first, may be wrong by this part of what the second is worth.
@@ -96,6 +96,7 @@ impl ModelSearch<'_> {
         let (observations, prior) = (self.observations, &self.prior);
         let none = &self.models[0].posterior;
         let least = self.none_evidence + DEVIATION_REACH * self.best_log_odds() - NEGLIGIBLE_LOG_ODDS;
+        let least = LeastEvidence { promised: least, reached: least };
         let found: Vec<ModelPosterior> = chosen
             .par_iter()
             .filter_map(|own| {

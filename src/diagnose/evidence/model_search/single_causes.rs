@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::linear_estimate::LinearModel;
-use super::{ComparedModel, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
+use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
-use crate::diagnose::evidence::model_posterior::ModelPosterior;
+use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
 use crate::fit::{MechanismSearch, Model, ScreenedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
@@ -84,11 +84,12 @@ impl ModelSearch<'_> {
         let (firsts, others): (Vec<usize>, Vec<usize>) = (0..starts.len()).partition(is_first);
         let (leading, rest) = firsts.split_at(LEADING.min(firsts.len()));
         let mut found = Found::default();
-        found.extend(self.started_at(leading.iter().map(|place| &starts[*place]), f64::NEG_INFINITY));
+        found.extend(self.started_at(leading.iter().map(|place| &starts[*place]), LeastEvidence::NONE));
         // What is far below is not fitted to the end.
         let least = |found: &Found| {
-            PURSUED_PART * found.best().max(self.none_evidence) + (1.0 - PURSUED_PART) * self.none_evidence
-                - NEGLIGIBLE_LOG_ODDS
+            let gain = (found.best() - self.none_evidence).max(0.0);
+            let within = |part: f64| self.none_evidence + part * gain - NEGLIGIBLE_LOG_ODDS;
+            LeastEvidence { promised: within(PURSUED_PART), reached: within(DEVIATION_REACH) }
         };
         let least_now = least(&found);
         found.extend(self.started_at(rest.iter().map(|place| &starts[*place]), least_now));
@@ -100,7 +101,7 @@ impl ModelSearch<'_> {
         if leaves_misfit || self.might_be_reported(&found) {
             let within: Vec<MechanismKind> =
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
-            let more = self.started_from_parts(&within);
+            let more = self.started_from_parts(&within, least(&found));
             found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
@@ -117,7 +118,11 @@ impl ModelSearch<'_> {
     }
 
     /// Posteriors from `starts`, given up where they do not promise the log evidence `least`.
-    fn started_at<'b>(&self, starts: impl Iterator<Item = &'b Start>, least: f64) -> Vec<ModelPosterior> {
+    fn started_at<'b>(
+        &self,
+        starts: impl Iterator<Item = &'b Start>,
+        least: LeastEvidence,
+    ) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let starts: Vec<&Start> = starts.collect();
         let posterior = |own: &&Start| {
@@ -130,7 +135,7 @@ impl ModelSearch<'_> {
 
     /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
     /// within reach of the best by what they gain there.
-    fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
+    fn started_from_parts(&self, kinds: &[MechanismKind], least: LeastEvidence) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
         let screened = |kind: &MechanismKind| {
@@ -141,19 +146,20 @@ impl ModelSearch<'_> {
         let screened: Vec<_> = kinds.par_iter().map(screened).collect();
         let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
         let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
-        let least = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
+        let least_gain = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
             let start = search.complete(own);
-            let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
+            let spreads = Some(&none.spreads);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        screened.par_iter().filter(|(_, own)| own.predicted_gain > least).filter_map(posterior).collect()
+        screened.par_iter().filter(|(_, own)| own.predicted_gain > least_gain).filter_map(posterior).collect()
     }
 
     /// Adds the models of a free law each.
     pub fn add_free_laws(&mut self) {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let least = self.none_evidence + self.best_log_odds() - NEGLIGIBLE_LOG_ODDS;
+        let least = LeastEvidence { promised: least, reached: least };
         let kinds: Vec<MechanismKind> =
             prior.ranges.kinds().filter(|kind| !self.before.kinds.contains(kind)).collect();
         let base = self.without_deviations(none);
@@ -179,7 +185,7 @@ impl ModelSearch<'_> {
         let start = base.with_model(observations, &prior.ranges.with_free_law(base.model.clone(), free));
         let others = model.causes.iter().copied().filter(|own| *own != kind);
         let causes: Vec<MechanismKind> = others.chain([free]).collect();
-        let (spreads, least) = (Some(&model.posterior.spreads), f64::NEG_INFINITY);
+        let (spreads, least) = (Some(&model.posterior.spreads), LeastEvidence::NONE);
         ModelPosterior::with_exact_laws(observations, prior, &start, &causes, spreads, least)
     }
 }
