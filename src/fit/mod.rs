@@ -71,7 +71,7 @@ pub use residuals::input_error::common_input_error_covariance;
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use residuals::residual_covariance::precision_factors;
-pub use search::mechanism_search::{MechanismSearch, ScreenedMechanism};
+pub use search::mechanism_search::{MechanismSearch, ScreenedMechanism, StartedMechanism};
 pub use search::refit_search::RefitSearch;
 pub use search::starting_value_search::StartingValueSearch;
 pub use solver::levenberg_marquardt::{ComponentOutcome, Solution, Termination, solve};

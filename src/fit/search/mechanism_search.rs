@@ -49,6 +49,16 @@ pub struct MechanismSearch<'a> {
     base_cost: f64,
 }
 
+/// A model that adds a mechanism, after short fits to the subset.
+pub struct StartedMechanism {
+    /// Those whose continuation may be the best one, the best first.
+    starts: Vec<Fit>,
+    /// Decrease of the sum of squared residuals of the whole session that they predict, in units of the noise variance.
+    pub gain: f64,
+    /// The same if their continuation decreases the cost by as much as the screening allows for.
+    pub possible_gain: f64,
+}
+
 /// A model that adds a mechanism, after the screening on the subset.
 pub struct ScreenedMechanism {
     /// Fits to the subset from several starts, the best first.
@@ -72,16 +82,36 @@ impl<'a> MechanismSearch<'a> {
     /// # Panics
     /// If `models` is empty.
     pub fn screen(&self, models: &[Model]) -> ScreenedMechanism {
+        self.continued(self.start(models))
+    }
+
+    /// The first part of [`MechanismSearch::screen`], short fits.
+    ///
+    /// # Panics
+    /// If `models` is empty.
+    pub fn start(&self, models: &[Model]) -> StartedMechanism {
         let mut starts: Vec<Fit> = models.iter().flat_map(|model| self.screening_fits(model)).collect();
         sort_by_cost(&mut starts);
-        let highest = starts[0].cost() * (1.0 + SCREENING_TOLERANCE);
-        starts.retain(|fit| fit.cost() <= highest);
+        let lowest = starts[0].cost();
+        starts.retain(|fit| fit.cost() <= lowest * (1.0 + SCREENING_TOLERANCE));
+        let possible_gain = self.gain_at(lowest / (1.0 + SCREENING_TOLERANCE));
+        StartedMechanism { starts, gain: self.gain_at(lowest), possible_gain }
+    }
+
+    /// The second part of [`MechanismSearch::screen`], which continues the short fits until their costs can be compared.
+    pub fn continued(&self, started: StartedMechanism) -> ScreenedMechanism {
+        let StartedMechanism { mut starts, .. } = started;
         starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, CONTINUATION));
         sort_by_cost(&mut starts);
         starts.insert(0, self.with_components_restarted(starts[0].clone()));
-        let best = starts[0].cost();
+        ScreenedMechanism { predicted_gain: self.gain_at(starts[0].cost()), starts }
+    }
+
+    /// Predicted decrease of the sum of squared residuals of the whole session, in units of the noise variance, by a model that has this
+    /// cost on the subset.
+    fn gain_at(&self, cost: f64) -> f64 {
         let share = self.subset.trials.len() as f64 / self.observations.trials.len() as f64;
-        ScreenedMechanism { starts, predicted_gain: 2.0 * (self.base_cost - best) / share }
+        2.0 * (self.base_cost - cost) / share
     }
 
     /// Completes the best starts of `screened` on all trials and returns the best fit, with shrinkage. Other optima along x_e are

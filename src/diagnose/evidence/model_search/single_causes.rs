@@ -6,7 +6,7 @@ use super::linear_estimate::LinearModel;
 use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
-use crate::fit::{MechanismSearch, Model, ScreenedMechanism};
+use crate::fit::{MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -138,15 +138,23 @@ impl ModelSearch<'_> {
     fn started_from_parts(&self, kinds: &[MechanismKind], least: LeastEvidence) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
-        let screened = |kind: &MechanismKind| {
+        let started = |kind: &MechanismKind| {
             let model = |values: Vec<f64>| starting_at(self.before.model.clone().with(*kind), &values);
             let models: Vec<Model> = kind.probes(&prior.context).into_iter().map(model).collect();
-            (*kind, search.screen(&models))
+            (*kind, search.start(&models))
         };
-        let screened: Vec<_> = kinds.par_iter().map(screened).collect();
-        let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
-        let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
-        let least_gain = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
+        let started: Vec<(MechanismKind, StartedMechanism)> = kinds.par_iter().map(started).collect();
+        let least_gain = |best: f64| {
+            let error = libm::sqrt(4.0 * best * (1.0 / SCREENED_PART - 1.0));
+            best - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error
+        };
+        let least_possible = least_gain(started.iter().map(|(_, own)| own.gain).fold(0.0, f64::max));
+        let screened: Vec<(MechanismKind, ScreenedMechanism)> = started
+            .into_par_iter()
+            .filter(|(_, own)| own.possible_gain > least_possible)
+            .map(|(kind, own)| (kind, search.continued(own)))
+            .collect();
+        let least_gain = least_gain(screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max));
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
             let start = search.complete(own);
             let spreads = Some(&none.spreads);
