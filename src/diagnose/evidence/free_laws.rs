@@ -20,6 +20,7 @@ pub struct FreeLawRanges {
     ranges: Vec<(MechanismKind, [f64; 2])>,
     largest_speed: f64,
     largest_torque: f64,
+    window_s: f64,
 }
 
 impl FreeLawRanges {
@@ -63,7 +64,8 @@ impl FreeLawRanges {
             }
         }
         ranges.retain(|(_, range)| range[1] - range[0] > 1e-9);
-        Self { ranges, largest_speed, largest_torque }
+        let window_s = observations.samples as f64 * observations.period_s;
+        Self { ranges, largest_speed, largest_torque, window_s }
     }
 
     /// The free laws of the session.
@@ -93,6 +95,20 @@ impl FreeLawRanges {
             }
         }
         model
+    }
+
+    /// The free law `kind` of a `model`, which has it, acts only at the lags `lags_s` of the past, and not beyond the window.
+    pub fn restrict_to_lags(&self, model: &mut Model, kind: MechanismKind, [from_s, to_s]: [f64; 2]) {
+        let Some(law) = kind.free_law() else { return };
+        let Some(added) = model.mechanisms.iter_mut().find(|own| own.kind == kind) else { return };
+        let to_s = to_s.min(self.window_s);
+        added.parameters[0] = ParameterSpec::fixed(to_s);
+        let width = to_s / law.coefficients.len() as f64;
+        for (number, place) in law.coefficients.enumerate() {
+            if (number as f64 + 1.0) * width <= from_s {
+                added.parameters[place] = ParameterSpec::fixed(0.0);
+            }
+        }
     }
 
     /// Size of a free law's coefficients about which their prior lies.

@@ -17,6 +17,8 @@ pub mod answer;
 pub mod found_law;
 pub mod free_laws;
 pub mod gaussian;
+#[cfg(test)]
+mod law_tests;
 pub mod linearisation;
 pub mod model_posterior;
 pub mod model_prior;

@@ -92,6 +92,9 @@ impl SessionPrior {
             let sd = kind.law_space().sd * self.effect_nm(observations, start, *kind);
             if sd > LEAST_DEVIATION_NM {
                 model = self.ranges.with_free_law(model, law);
+                if let Some(lags) = lags_of_law(start, added, law) {
+                    self.ranges.restrict_to_lags(&mut model, law, lags);
+                }
             }
         }
         if model.mechanisms.len() == start.model.mechanisms.len() {
@@ -223,6 +226,15 @@ fn deviation_of(kind: MechanismKind) -> Option<MechanismKind> {
     FREE_LAWS.iter().copied().find(|law| {
         law.free_law().is_some_and(|law| law.place == space.place && Some(law.argument) == space.argument)
     })
+}
+
+/// The lags at which the mechanisms `added` of `fit` need their free law `law`; `None` if one of them does at all.
+fn lags_of_law(fit: &Fit, added: &[MechanismKind], law: MechanismKind) -> Option<[f64; 2]> {
+    let mechanisms = fit.kinds.iter().zip(mechanism_ranges(&fit.kinds));
+    let of_law = mechanisms.filter(|(kind, _)| added.contains(kind) && deviation_of(**kind) == Some(law));
+    let mut lags = of_law.map(|(kind, range)| kind.law_lags_s(&fit.parameters[0][range]));
+    let first = lags.next()??;
+    lags.try_fold(first, |all, own| own.map(|own| [all[0].min(own[0]), all[1].max(own[1])]))
 }
 
 /// Mean and standard deviation of a prior in the coordinate of a fit.

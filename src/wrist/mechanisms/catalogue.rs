@@ -124,6 +124,11 @@ macro_rules! catalogue {
                 match self { $($(#[$condition])? Self::$name => $module::$name::start_at_onset(p),)* Self::Free(_) => {} }
             }
 
+            /// Lags at which its law of the past may differ from the catalogued one, s; see [`Mechanism::law_lags_s`].
+            pub fn law_lags_s(self, p: &[f64]) -> Option<[f64; 2]> {
+                match self { $($(#[$condition])? Self::$name => $module::$name::law_lags_s(p),)* Self::Free(_) => None }
+            }
+
             /// The longest step of an integration that its states allow, s, where the motor turns at up to `speed_rad_s`.
             pub fn longest_step_s(self, p: &[f64], speed_rad_s: f64) -> f64 {
                 match self { $($(#[$condition])? Self::$name => $module::$name::longest_step_s(p, speed_rad_s),)* Self::Free(law) => law.longest_step_s(p) }

@@ -173,6 +173,13 @@ pub trait Mechanism {
         torque
     }
 
+    /// Lags (s) at which the real law of the past may differ from the catalogued one, from the shortest to the longest; `None` if it may do so
+    /// over the whole memory of a free law.
+    fn law_lags_s(p: &[f64]) -> Option<[f64; 2]> {
+        let _ = p;
+        None
+    }
+
     /// The longest step of an integration that its states allow, s, where the motor turns at up to `speed_rad_s`.
     fn longest_step_s(p: &[f64], speed_rad_s: f64) -> f64 {
         let _ = (p, speed_rad_s);

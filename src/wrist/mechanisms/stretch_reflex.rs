@@ -11,6 +11,12 @@ use crate::wrist::mechanics::{Context, Torques};
 /// A reflex that begins later before the end of the window is not looked for, s: its torque has not risen yet.
 const SHORTEST_PART_S: f64 = 0.005;
 
+/// The shortest latency, s.
+const SHORTEST_LATENCY_S: f64 = 0.012;
+
+/// Time constants within which a first-order lag has given 95 % of its response: other twitches last about as long.
+const TIME_CONSTANTS_OF_A_TWITCH: f64 = 3.0;
+
 /// Stretch reflex with its torque inside the analysed window.
 pub struct StretchReflex;
 
@@ -31,7 +37,7 @@ impl Mechanism for StretchReflex {
         MechanismParameter::new(
             "latency_s",
             "delay between stretch and torque",
-            (0.012, 0.2),
+            (SHORTEST_LATENCY_S, 0.2),
             None,
             0.025,
             Prior::LogNormal { median: 0.04, log_sd: 0.3 },
@@ -67,6 +73,10 @@ impl Mechanism for StretchReflex {
             .take_while(|latency| *latency < session.window_s - SHORTEST_PART_S)
             .map(|latency| (latency, 0.01));
         later.chain(early).map(|(latency, lag)| vec![0.3, latency, lag]).collect()
+    }
+
+    fn law_lags_s(p: &[f64]) -> Option<[f64; 2]> {
+        Some([SHORTEST_LATENCY_S, p[1] + TIME_CONSTANTS_OF_A_TWITCH * p[2]])
     }
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {

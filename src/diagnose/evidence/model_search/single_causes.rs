@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::linear_estimate::LinearModel;
-use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
+use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, limit_restarts, starting_at};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
-use crate::fit::{MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
+use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -14,6 +14,10 @@ const LEADING: usize = 4;
 
 /// Part of the best gain below which a mechanism is not followed to its optimum: half of what is within reach for a law that deviates.
 const PURSUED_PART: f64 = 0.25;
+
+/// Part of the best gain above which a mechanism is a rival of the best one, which must not lose by where its fit started: further below,
+/// five standard deviations of the error of the evidence, 1 % of the gain each, do not make it one.
+const RIVAL_PART: f64 = 0.95;
 
 /// Part of the session's trials on which added mechanisms are screened.
 const SCREENED_PART: f64 = 1.0 / 3.0;
@@ -103,6 +107,8 @@ impl ModelSearch<'_> {
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
             let more = self.started_from_parts(&within, least(&found));
             found.extend(more);
+            let more = self.started_at_other_limits(&found);
+            found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
         self.add_with_deviations(plain);
@@ -163,6 +169,25 @@ impl ModelSearch<'_> {
         screened.par_iter().filter(|(_, own)| own.predicted_gain > least_gain).filter_map(posterior).collect()
     }
 
+    /// Posteriors of the mechanisms that nearly gain the most, from other elastic limits of all trials: without a large effect the limits were
+    /// elsewhere, and a fit that starts there may stay there.
+    fn started_at_other_limits(&self, found: &Found) -> Vec<ModelPosterior> {
+        let (observations, prior) = (self.observations, &self.prior);
+        let gain = |own: &ModelPosterior| own.log_evidence - self.none_evidence;
+        let least = (RIVAL_PART * (found.best() - self.none_evidence) - NEGLIGIBLE_LOG_ODDS).max(0.0);
+        let rivals: Vec<&ModelPosterior> = found.0.iter().filter(|own| gain(own) > least).collect();
+        let restarted = |own: &&ModelPosterior| {
+            let elsewhere: Vec<Fit> = limit_restarts(observations, &own.fit).into_iter().skip(1).collect();
+            let posterior = |start: &Fit| {
+                let spreads = Some(&own.spreads);
+                let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
+                ModelPosterior::with_exact_laws(observations, prior, start, &own.added, spreads, least)
+            };
+            elsewhere.iter().filter_map(posterior).collect::<Vec<_>>()
+        };
+        rivals.par_iter().flat_map_iter(restarted).collect()
+    }
+
     /// Adds the models of a free law each.
     pub fn add_free_laws(&mut self) {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
@@ -195,5 +220,45 @@ impl ModelSearch<'_> {
         let causes: Vec<MechanismKind> = others.chain([free]).collect();
         let (spreads, least) = (Some(&model.posterior.spreads), LeastEvidence::NONE);
         ModelPosterior::with_exact_laws(observations, prior, &start, &causes, spreads, least)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::rig_knowledge::RigKnowledge;
+    use crate::diagnose::evidence::session_prior::SessionPrior;
+    use crate::diagnose::test_session::{LEVER, session};
+    use crate::diagnose::within_trial::score_test::probe_context;
+    use crate::fit::{Observations, PreprocessingSettings, Transform, Weighting, X_E};
+
+    /// A fit of a low-pass began at the elastic limits that the session has without one, and stayed there.
+    #[test]
+    fn a_rival_whose_elastic_limits_are_far_off_is_found_from_other_limits() {
+        let lag = MechanismKind::TorqueLag;
+        let session = session(lag, |_| vec![150.0]);
+        let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
+        let before = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+        let rig = RigKnowledge::stated(Some(LEVER));
+        let prior = SessionPrior::new(&observations, &before, probe_context(&observations), rig);
+        let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
+        // No trial yields within the window.
+        let start = search.start_with(&search.models[0].posterior, lag, &[150.0]);
+        let mut solution = start.solution.clone();
+        for (trial, transforms) in start.parameterisation.transforms.iter().enumerate() {
+            if let Transform::Logarithmic { coordinate, factor } = transforms[X_E] {
+                solution.coordinates[coordinate] =
+                    libm::log(3.0 * observations.peak_angle_rad(trial) / factor);
+            }
+        }
+        let start = start.at_solution(solution);
+        let least = LeastEvidence::NONE;
+        let held = ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[lag], None, least)
+            .unwrap();
+        let at_first = held.log_evidence;
+        let mut found = Found(vec![held]);
+        let more = search.started_at_other_limits(&found);
+        found.extend(more);
+        assert!(found.of(lag) > at_first + 10.0, "{} after {at_first}", found.of(lag));
     }
 }
