@@ -73,8 +73,8 @@ struct ExtendedState<T> {
 
 /// The state of a wrist, integrated from sample to sample.
 ///
-/// With derivatives a state takes kilobytes. The working copies of the scheme are therefore kept between samples, and added states
-/// that are not in use are not copied.
+/// With derivatives a state takes kilobytes. The working copies of the scheme are therefore kept between samples, when
+/// `begin` and `at` equal the state; added states that are not in use are not copied.
 #[derive(Debug, Clone)]
 pub struct Integrator<T> {
     state: ExtendedState<T>,

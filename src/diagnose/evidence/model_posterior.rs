@@ -64,14 +64,14 @@ impl LeastEvidence {
 
 /// The way to an optimum.
 #[derive(Default)]
-struct Progress {
+struct WayToOptimum {
     /// The logarithm of the evidence at each point, were it the optimum.
     evidence: Vec<f64>,
     /// What the next step promises, and as much again for what is curved.
     promised: f64,
 }
 
-impl Progress {
+impl WayToOptimum {
     fn add(&mut self, quadratic: &Quadratic) {
         self.evidence.push(quadratic.log_evidence - quadratic.decrease);
         self.promised = quadratic.log_evidence + quadratic.decrease;
@@ -192,7 +192,7 @@ impl ModelPosterior {
         let mut here = Here::new(observations, fit.clone(), &unknowns, &columns, &design, None)?;
         let (mut quadratic, mut held) = here.quadratic(&unknowns, &design, &mut spreads)?;
         let mut damping = 0.0;
-        let mut progress = Progress::default();
+        let mut progress = WayToOptimum::default();
         progress.add(&quadratic);
         let mut steps = 0;
         while quadratic.decrease > COST_TOLERANCE && steps < MAX_LINEARISATIONS {
@@ -515,8 +515,8 @@ fn above_bound(mean: f64, variance: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn progress(evidence: impl Iterator<Item = f64>, promised: f64) -> Progress {
-        Progress { evidence: evidence.collect(), promised }
+    fn progress(evidence: impl Iterator<Item = f64>, promised: f64) -> WayToOptimum {
+        WayToOptimum { evidence: evidence.collect(), promised }
     }
 
     #[test]

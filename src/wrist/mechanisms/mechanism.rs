@@ -21,10 +21,9 @@ pub const SIZE_DRIFT_SD: f64 = 0.1;
 /// A torque that rises steadily is late by the time constant, and a step leaves a part of that which goes with the fourth power of the
 /// step in time constants. So the same error allows a faster lag more of them.
 pub(super) fn longest_step_of_a_lag(time_constant_s: f64) -> f64 {
-    /// A lag of this time constant, s, allows a step of [`LONGEST_STEP`] time constants: measured against 256 steps.
+    /// A lag of this time constant, s, allows a step of half of it: measured against 256 steps.
     const TIME_CONSTANT_S: f64 = 3.5e-4;
-    const LONGEST_STEP: f64 = 0.55;
-    LONGEST_STEP * time_constant_s * libm::sqrt(libm::sqrt(TIME_CONSTANT_S / time_constant_s))
+    0.5 * time_constant_s * libm::sqrt(libm::sqrt(TIME_CONSTANT_S / time_constant_s))
 }
 
 /// Where a mechanism acts.
