@@ -65,7 +65,8 @@ fn a_page_that_comes_later_sees_how_it_stands_at_once() {
     let (story, now) = (later.next().unwrap(), later.next().unwrap());
     let (story, now) = if story["kind"] == "story" { (story, now) } else { (now, story) };
     assert!(story["trials"].as_array().unwrap().len() >= 3, "{story}");
-    assert!(now["trial"]["number"].as_u64().unwrap() >= 3, "{now}");
+    // Between trials there is no trial number, so what is done is compared.
+    assert!(now["done"].as_u64().unwrap() >= 2, "{now}");
     assert!(now["bins"].as_array().unwrap().len() > 100, "the charts begin empty");
 }
 
