@@ -70,6 +70,9 @@ impl AnalysedSession {
     pub fn read(folder: &Path, asked: &AnalysisRequest, console: &Console) -> Result<Self, Failure> {
         let checked = load_checked(folder, &asked.accept)?;
         let protocol = dataset::stored_protocol(folder)?;
+        if let Some(protocol) = &protocol {
+            dataset::check_stored_protocol(folder, protocol, &checked.session)?;
+        }
         let settings = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
         let settings = with_window(settings, asked.window_s)?;
         let calibration = UsedCalibration::of_session(asked.calibration.as_deref(), folder)?;

@@ -46,6 +46,16 @@ impl Verb for TrialsArgs {
 impl TrialsArgs {
     /// Adds the judgements to the file beside the raw data.
     fn amend(&self, console: &Console) -> Result<(), Failure> {
+        if let Some(trial) = self.reject.iter().find(|trial| self.accept.contains(trial)) {
+            return Err(Failure::Usage(format!(
+                "trial {trial} is given with --reject and with --accept; give it with one of them"
+            )));
+        }
+        if self.because.as_deref().is_some_and(|because| because.trim().is_empty()) {
+            return Err(Failure::Usage(
+                "--because is empty; say why, such as --because \"hand slipped\"".into(),
+            ));
+        }
         let before = dataset::load(&self.session)?;
         let mut amendments = Amendments::read(&self.session)?;
         let judged = self

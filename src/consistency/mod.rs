@@ -14,6 +14,7 @@ mod frozen_emg;
 mod frozen_watch;
 mod held_samples;
 mod hold;
+mod hold_jump;
 mod lever;
 mod likely_mistake;
 mod measured_trial;

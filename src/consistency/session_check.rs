@@ -4,8 +4,8 @@ use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
 use super::signal_check::SignalCheck;
 use super::{
-    clipped, emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, spike, wrong_row,
-    zero_torque,
+    clipped, emg, held_samples, hold, hold_jump, lever, onset, ramp, repeated_record, resistance, spike,
+    wrong_row, zero_torque,
 };
 use crate::dataset::{Session, Status, Trial};
 
@@ -21,6 +21,7 @@ pub fn contradictions(session: &Session) -> Vec<Contradiction> {
         .into_iter()
         .chain(held)
         .chain(spikes)
+        .chain(hold_jump::check_jumps(&usable, session.sample_rate_hz))
         .chain(clipped)
         .chain(lever)
         .chain(emg::check_emg(&usable, session.sample_rate_hz))

@@ -12,13 +12,13 @@ use crate::statistics::{SD_BY_MEDIAN, upper_median};
 
 /// Standard deviations of the noise from which on a sample is no chance: in white noise, of which a second difference has the variance 6, half
 /// of it is beyond 8.6 standard deviations of a sample once in 5e11 samples (normal), in less than one session of a million.
-const LARGEST_BY_NOISE: f64 = 8.6;
+pub(super) const LARGEST_BY_NOISE: f64 = 8.6;
 
 /// Steps of the resolution from which on a sample is no rounding: two neighbours and the sample itself are each off by half a step.
-const RESOLUTION_STEPS: f64 = 4.0;
+pub(super) const RESOLUTION_STEPS: f64 = 4.0;
 
 /// Part of all that the channel moves in a record, below which a wrong sample changes no fit, and noise is less white than assumed.
-const LEAST_PART: f64 = 0.02;
+pub(super) const LEAST_PART: f64 = 0.02;
 
 /// A sample counts if it is this many times as far off as any that is not among the farthest [`FEW`] of the same ramp: a lever that rings fast
 /// gives many such samples.

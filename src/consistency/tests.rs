@@ -381,6 +381,21 @@ fn with_wrong_sample(at_s: f64, width: usize, spoil: impl Fn(&mut Record, usize)
 }
 
 #[test]
+fn wrong_samples_of_the_torque_before_a_ramp_are_found() {
+    for at_s in [-0.55, -0.3, -0.1, -0.05] {
+        for width in [1, 2, 16] {
+            let found = with_wrong_sample(at_s, width, |record, at| record.torque_l_nm[at] += 8.0);
+            assert!(found.contains(&SignalCheck::Spike), "{at_s} s, {width}: {found:?}");
+        }
+    }
+    assert_named(
+        |session| session.trials[2].record.torque_l_nm[900] = 50.0,
+        SignalCheck::Spike,
+        "before the ramp, the sample at 0.45 s of trial 3 (trials/trial-003.csv, line 902) is 50 N m",
+    );
+}
+
+#[test]
 fn single_wrong_samples_of_a_ramp_are_found_in_either_channel() {
     for at_s in [-0.02, 0.0, 0.005, 0.016, 0.03, 0.08] {
         for width in [1, 2] {

@@ -13,14 +13,11 @@ use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
 use super::{FurtherChannel, Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::files::{excerpt, limits};
-use crate::signal::FilterSpec;
+use crate::signal::{FilterSpec, SLOWEST_CUTOFF_HZ};
 use crate::wrist::Lever;
 
 /// What must lie before and after the onset of a trial that is analysed, s.
 const AROUND_ONSET_S: f64 = 0.040;
-
-/// A filter below this cut-off, Hz, has a time constant longer than what is analysed after an onset: of a ramp nothing is left in it.
-pub(super) const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
 
 /// Reads and checks the session in `folder`.
 ///

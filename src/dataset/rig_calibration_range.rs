@@ -3,8 +3,8 @@
 //! The ranges are those of rigs for a wrist, an ankle or a knee, and wide: what lies beyond is a wrong unit, a slip of the pen or rig trials
 //! that cannot have been as stated.
 
-use super::load::SLOWEST_CUTOFF_HZ;
 use super::rig_calibration::RigQuantity;
+use crate::signal::SLOWEST_CUTOFF_HZ;
 
 /// A constant that is 0 or above may be measured below 0, by so many standard errors.
 const STANDARD_ERRORS_BELOW_0: f64 = 3.0;

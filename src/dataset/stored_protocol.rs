@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::csv_input::SessionFolder;
-use super::error::DatasetError;
+use super::error::{DatasetError, FilePlace};
+use super::{Session, Status};
 use crate::files::limits;
-use crate::protocol::ValidProtocol;
+use crate::protocol::{ValidProtocol, significant};
 
 /// Name of the protocol in a session folder.
 pub(super) const PROTOCOL: &str = "protocol.json";
@@ -20,6 +21,49 @@ pub fn stored_protocol(folder: &Path) -> Result<Option<ValidProtocol>, DatasetEr
         return Ok(None);
     }
     read_protocol(&folder).map(|(protocol, _)| Some(protocol))
+}
+
+/// Numbers of a table and of its protocol are the same to this part of them: a table may be rounded.
+const ROUNDING: f64 = 1e-3;
+
+/// Whether the protocol in `folder` is that of `session`, whose analysis takes filter and window from it.
+///
+/// # Errors
+/// If the session was sampled at another rate, or a trial that counts has a velocity or a torque that the protocol does not.
+pub fn check_stored_protocol(
+    folder: &Path,
+    protocol: &ValidProtocol,
+    session: &Session,
+) -> Result<(), DatasetError> {
+    let are_same = |a: f64, b: f64| (a - b).abs() <= ROUNDING * b.abs();
+    let refused = |field: &str, has: &str, expected: String| {
+        let name = folder.join(PROTOCOL).display().to_string();
+        let expected = format!("{expected}; is it the protocol of another session?");
+        Err(DatasetError::Value {
+            at: FilePlace::field(name.as_str(), field),
+            found: has.to_owned(),
+            expected,
+        })
+    };
+    let list = |values: &[f64]| values.iter().map(|own| significant(*own)).collect::<Vec<_>>().join(", ");
+    let rate_hz = protocol.signal.sample_rate_hz;
+    if !are_same(rate_hz, session.sample_rate_hz) {
+        let expected = format!("{} as in session.json", session.sample_rate_hz);
+        return refused("signal.sample_rate_hz", &rate_hz.to_string(), expected);
+    }
+    for trial in session.trials.iter().filter(|trial| trial.status == Status::Ok) {
+        // A left hand's velocity is negative in the table.
+        for (field, values, own, unit) in [
+            ("velocities_rad_s", &protocol.velocities_rad_s, trial.velocity_rad_s, "rad/s"),
+            ("torques_nm", &protocol.torques_nm, trial.torque_nm, "N m"),
+        ] {
+            if !values.iter().any(|value| are_same(own.abs(), value.abs())) {
+                let expected = format!("{} {unit} too, as trial {} has it", significant(own), trial.number);
+                return refused(field, &list(values), expected);
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The protocol in an open session folder, which must be there, and its text.

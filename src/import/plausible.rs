@@ -65,11 +65,16 @@ fn impossible(
 ) -> ImportError {
     let factor = signal.unit.factor();
     let explains = |unit: &&SignalUnit| unit.factor() / factor * times <= 1.0;
-    let hint = match units.iter().find(explains) {
-        Some(unit) => {
-            format!("is its unit {}? Then write \"unit\": \"{}\" in columns.{role}", unit.name(), unit.name())
+    let possible: Vec<String> = units.iter().filter(explains).map(|unit| unit.name()).collect();
+    let hint = match possible.as_slice() {
+        [] => format!("name the right column in columns.{role}, or write its unit there"),
+        [unit] => {
+            format!("is it another column, or is its unit {unit}? Write the right one in columns.{role}")
         }
-        None => format!("name the right column in columns.{role}, or write its unit there"),
+        units => format!(
+            "is it another column, or is its unit one of {}? Look it up, and write the right one in columns.{role}",
+            units.join(", ")
+        ),
     };
     ImportError::Implausible {
         reason: format!(

@@ -13,6 +13,7 @@ use std::collections::HashSet;
 use super::source::{JsonContent, JsonNode};
 use super::units::significant;
 use super::{Problem, Protocol};
+use crate::signal::SLOWEST_CUTOFF_HZ;
 use context::Rules;
 
 /// Adds to `problems` every value of `document` that does not fit with the others.
@@ -111,8 +112,11 @@ impl Rules<'_> {
             let expected = "a whole number from 1 to 10: Order of the filter.".to_owned();
             self.add("signal.filter.order", expected, "the paper's is 3".to_owned());
         }
-        if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz <= 0.0) {
-            let expected = "a frequency above 0 Hz".to_owned();
+        if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz < SLOWEST_CUTOFF_HZ) {
+            let expected = format!(
+                "a frequency from {} Hz up, in Hz: a slower filter leaves nothing of the 40 ms that are analysed",
+                significant(SLOWEST_CUTOFF_HZ)
+            );
             self.add("signal.filter.cutoff_hz", expected, "the paper's is 50".to_owned());
         }
         let Some(rate_hz) = self.number("signal.sample_rate_hz") else { return };

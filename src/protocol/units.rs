@@ -28,10 +28,16 @@ pub(super) fn mistaken_unit(path: &str, value: f64, in_range: impl Fn(f64) -> bo
     Some(format!("this looks like {other}: {value} {other} is {} {unit}", significant(value * factor)))
 }
 
+/// A number from this size on is written with an exponent, for people.
+const LARGEST_WRITTEN_OUT: f64 = 1e9;
+
 /// Four significant digits, for people.
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
+    }
+    if value.abs() >= LARGEST_WRITTEN_OUT {
+        return format!("{value:.3e}");
     }
     let decimals = (3 - libm::log10(value.abs()).floor() as i32).clamp(0, 9) as usize;
     let text = format!("{value:.decimals$}");
@@ -47,6 +53,11 @@ pub fn minutes(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_that_nobody_could_read_is_written_with_an_exponent() {
+        assert_eq!([1.5e160, -2e9, 123_456_789.0].map(significant), ["1.500e160", "-2.000e9", "123456789"]);
+    }
 
     #[test]
     fn a_velocity_in_degrees_and_a_torque_in_millinewton_metres_are_recognised() {

@@ -9,3 +9,6 @@ pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_
 pub use noise_covariance::NoiseCovariance;
 pub use onset::onset;
 pub use sinusoid::Sinusoid;
+
+/// A low-pass below this cut-off, Hz, has a time constant above the 40 ms that are analysed after an onset: of a ramp nothing is left in it.
+pub const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * 0.040);

@@ -200,6 +200,10 @@ fn fields_that_contradict_each_other_are_named() {
         &["below half the sample rate, 1250 Hz"],
     );
     assert_problem(
+        |p| p["signal"]["filter"]["cutoff_hz"] = json!(0.05),
+        &["signal.filter.cutoff_hz is 0.05", "from 3.979 Hz up", "nothing of the 40 ms"],
+    );
+    assert_problem(
         |p| p["signal"]["filter"]["order"] = json!(0),
         &["signal.filter.order is 0", "from 1 to 10"],
     );

@@ -80,3 +80,31 @@ fn results_of_a_session_that_was_changed_since_are_not_shown() {
         |file: &&String| ["fit.csv", "fit.json", "diagnosis.json"].iter().any(|end| file.ends_with(end));
     assert_eq!(exported.keys().find(is_result), None, "no number of before the change");
 }
+
+#[test]
+fn a_protocol_of_another_session_is_refused() {
+    let workspace = sound();
+    let protocol = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/quick.json")).unwrap();
+    let sound: Value = serde_json::from_str(&protocol).unwrap();
+    let refused = |velocities: Value, torques: Value, rate_hz: f64| {
+        let mut protocol = sound.clone();
+        protocol["velocities_rad_s"] = velocities;
+        protocol["torques_nm"] = torques;
+        protocol["signal"]["sample_rate_hz"] = json!(rate_hz);
+        workspace.write("session/protocol.json", &protocol);
+        workspace.call(2, &["fit", "session"]).1
+    };
+    let told = refused(json!([1.4, 2.6]), json!([0.9]), 1000.0);
+    assert!(
+        told.contains("protocol.json, field velocities_rad_s") && told.contains("as trial 1 has it"),
+        "{told}"
+    );
+    let told = refused(json!([1.3, 2.6]), json!([1.5]), 1000.0);
+    assert!(
+        told.contains("protocol.json, field torques_nm") && told.contains("of another session?"),
+        "{told}"
+    );
+    let told = refused(json!([1.3, 2.6]), json!([0.9]), 2000.0);
+    assert!(told.contains("protocol.json, field signal.sample_rate_hz"), "{told}");
+    assert!(!workspace.path("session/results").exists());
+}

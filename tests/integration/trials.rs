@@ -44,6 +44,11 @@ fn a_judgement_on_no_trial_or_without_a_reason_is_refused() {
     let (_, told) = workspace.call(2, &["trials", "session", "--reject", "9", "--because", "x"]);
     assert!(told.contains("has no trial 9") && told.contains("1 to 2"), "{told}");
     workspace.call(2, &["trials", "session", "--reject", "1"]);
+    let (_, told) = workspace.call(2, &["trials", "session", "--reject", "1", "--because", " "]);
+    assert!(told.contains("--because is empty"), "{told}");
+    let both = ["trials", "session", "--reject", "1", "--accept", "1", "--because", "x"];
+    let (_, told) = workspace.call(2, &both);
+    assert!(told.contains("trial 1 is given with --reject and with --accept"), "{told}");
     assert!(!workspace.path("session/amendments.json").exists());
     fs::write(
         workspace.path("session/amendments.json"),
