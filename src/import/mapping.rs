@@ -174,10 +174,40 @@ impl Mapping {
             };
             return Err(ImportError::Mapping { file: name, problems: vec![problem] });
         }
-        let problems: Vec<Problem> =
-            own.signals().flat_map(|(name, kind, signal)| problems_of(name, kind, signal, text)).collect();
+        let of_signals = own.signals().flat_map(|(name, kind, signal)| problems_of(name, kind, signal, text));
+        let problems: Vec<Problem> = of_signals.chain(problems_of_lever(own.lever.as_ref(), text)).collect();
         if problems.is_empty() { Ok(own) } else { Err(ImportError::Mapping { file: name, problems }) }
     }
+}
+
+/// Constants that no lever has.
+fn problems_of_lever(lever: Option<&Lever>, text: &str) -> Vec<Problem> {
+    let Some(lever) = lever else { return Vec::new() };
+    let constants = [
+        ("inertia_kg_m2", lever.inertia_kg_m2, lever.inertia_kg_m2 > 0.0, "an inertia above 0"),
+        (
+            "damping_nm_s_per_rad",
+            lever.damping_nm_s_per_rad,
+            lever.damping_nm_s_per_rad >= 0.0,
+            "a damping from 0 up",
+        ),
+        (
+            "stiffness_nm_per_rad",
+            lever.stiffness_nm_per_rad,
+            lever.stiffness_nm_per_rad > 0.0,
+            "a stiffness above 0",
+        ),
+    ];
+    let wrong = constants.into_iter().filter(|(_, _, is_possible, _)| !is_possible);
+    wrong
+        .map(|(field, value, _, expected)| Problem {
+            path: format!("lever.{field}"),
+            line: 1 + text.lines().position(|line| line.contains(field)).unwrap_or(0),
+            value: Some(value.to_string()),
+            expected: expected.to_owned(),
+            advice: "write null instead of a lever if the torque was measured at a rigid handle".to_owned(),
+        })
+        .collect()
 }
 
 fn schema() -> serde_json::Value {

@@ -334,6 +334,19 @@ fn a_subject_that_is_no_identifier_is_refused() {
 }
 
 #[test]
+fn a_lever_that_cannot_be_is_refused_with_its_field() {
+    let sound = serde_json::to_value(mapping()).unwrap();
+    for (field, value) in
+        [("inertia_kg_m2", -1.0), ("damping_nm_s_per_rad", -0.1), ("stiffness_nm_per_rad", 0.0)]
+    {
+        let mut wrong = sound.clone();
+        wrong["lever"][field] = value.into();
+        let told = Mapping::parse(&format!("{wrong:#}"), Path::new("m.json")).unwrap_err().to_string();
+        assert!(told.contains(&format!("lever.{field} is {value}")) && told.contains("line "), "{told}");
+    }
+}
+
+#[test]
 fn a_column_that_is_not_there_is_named_with_those_that_are() {
     let mut wrong = mapping();
     wrong.columns.torque.column = "Torque".into();
