@@ -148,6 +148,9 @@ fn label(participant: &Participant, session: &Session) -> Result<String, ExportE
     }
     let kept: String = label.chars().filter(char::is_ascii_alphanumeric).collect();
     let suggestion = if kept.is_empty() { "S01".into() } else { kept };
+    if participant.label.is_some() {
+        return Err(ExportError::Participant { label: label.clone(), suggestion });
+    }
     let session = participant.folder.join("session.json");
     Err(ExportError::Subject { session, id: label.clone(), suggestion })
 }

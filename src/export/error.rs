@@ -36,6 +36,17 @@ pub enum ExportError {
         /// An identifier that can be used instead.
         suggestion: String,
     },
+    /// The identifier that was asked for cannot be a part of a BIDS file name.
+    #[error(
+        "--participant {label:?} cannot be a part of a file name; expected letters a to z, A to Z and digits only, as BIDS asks \
+         (for instance {suggestion:?})"
+    )]
+    Participant {
+        /// The identifier.
+        label: String,
+        /// An identifier that can be used instead.
+        suggestion: String,
+    },
     /// No trial has any samples.
     #[error("{}: no trial has samples; there is nothing to export", .0.display())]
     Nothing(PathBuf),

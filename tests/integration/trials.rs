@@ -109,6 +109,8 @@ fn who_and_what_are_kept_and_a_virtual_session_says_that_it_is_one() {
     workspace.call(0, &["export", "a", "--bids", "bids"]);
     let people = fs::read_to_string(workspace.path("bids/participants.tsv")).unwrap();
     assert_eq!(people, "participant_id\tage\tcondition\nsub-V00\t31\tfatigued\n");
+    let (_, told) = workspace.call(2, &["export", "a", "--bids", "other", "--participant", "../x"]);
+    assert!(told.contains("--participant \"../x\"") && !told.contains("subject.id"), "{told}");
 }
 
 #[test]

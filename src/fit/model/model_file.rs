@@ -24,7 +24,10 @@ struct MechanismFile {
 
 /// A parameter of a mechanism in the model file: a number fixes the parameter at that value.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a number, which fixes the parameter, or an object with scope, law, value, low and high"
+)]
 enum ParameterFile {
     Value(f64),
     Spec(ParameterSpec),
@@ -278,5 +281,21 @@ mod tests {
         );
         let told = Model::parse(&text).unwrap_err().to_string();
         assert!(told.contains("is written twice"), "{told}");
+    }
+
+    #[test]
+    fn a_parameter_that_is_neither_a_number_nor_an_object_is_refused_with_what_it_may_be() {
+        let kind = CATALOGUE[0];
+        let text = format!(
+            r#"{{ "format": "ramphold-model/1", "mechanisms": [
+                {{ "mechanism": "{}", "parameters": {{ "{}": "NaN" }} }} ] }}"#,
+            kind.id(),
+            kind.parameters()[0].name
+        );
+        let told = Model::parse(&text).unwrap_err().to_string();
+        assert!(
+            told.contains("expected a number, which fixes the parameter, or an object with scope"),
+            "{told}"
+        );
     }
 }
