@@ -13,7 +13,7 @@ use crate::rig::can::canopen::{
 use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 use crate::rig::can::device_setup::identify;
 use crate::rig::can::drive::{
-    Drive, DriveRequest, MotionMonitor, OriginReport, PowerState, leave_to_watchdog,
+    Drive, DriveRequest, HANDLE_AT_START_RAD, MotionMonitor, OriginReport, PowerState, leave_to_watchdog,
 };
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
@@ -67,17 +67,24 @@ impl Drive for Cia402 {
     ) -> Result<(), CanFault> {
         start_nodes(link, &self.monitored_nodes())?;
         link.set_error_policy(ErrorPolicy::Fault);
+        self.check_not_restarted(link)?;
         let was_homed = self.homed;
+        if was_homed && self.takes_present_position() && !self.shows_lost_origin() {
+            let angle_rad = self.ask_angle(link)?;
+            if angle_rad.abs() > HANDLE_AT_START_RAD {
+                return Err(CanFault::OriginNotConfirmed { angle_rad });
+            }
+        }
         self.write_mark(link)?;
         self.home(link, monitor)?;
         if !was_homed {
             // It had power meanwhile, and lost it again.
-            self.keeps_mark = self.has_mark(link)? == Some(true);
+            self.keeps_mark = Some(self.has_mark(link)? == Some(true));
         }
         self.confirm_limits(link, limits)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
         self.seen = self.ask_status(link)?.state();
-        Ok(())
+        self.check_not_restarted(link)
     }
 
     fn send_target(
@@ -178,12 +185,13 @@ impl Drive for Cia402 {
         self.motor.homing.takes_present_position()
     }
 
-    /// One that was restarted has not the limits or the mark that were written, or its boot-up message came.
+    /// One that keeps its mark has lost it after a restart. The limits show nothing: a memory may keep them.
     fn shows_lost_origin(&self) -> bool {
-        true
+        self.keeps_mark.unwrap_or(true)
     }
 
-    /// A drive that was not restarted still has the limits and the mark that were written when it was armed.
+    /// A drive that was not restarted still has the limits and the mark that were written when it was armed. One that takes no mark may
+    /// have been restarted while nobody listened, and keep its limits.
     fn ask_origin(
         &mut self,
         link: &mut Link,
@@ -194,9 +202,11 @@ impl Drive for Cia402 {
         let mut setup = ObjectSetup::new(link, self.motor.node);
         self.check_units(&mut setup)?;
         setup.first_fault()?;
-        self.keeps_mark = self.has_mark(link)?.is_some();
-        let is_kept = !self.shows_restart(link, limits, self.keeps_mark)?;
-        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(JointAngle(self.ask_angle(link)?)) })
+        let takes_mark = self.has_mark(link)?.is_some();
+        self.keeps_mark = Some(takes_mark);
+        let was_restarted = self.shows_restart(link, limits, takes_mark)?;
+        let is_kept = (was_restarted || takes_mark).then_some(!was_restarted);
+        Ok(OriginReport { is_kept, angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
     fn adopt_origin(&mut self, limits: &HandleLimits) {
@@ -246,9 +256,11 @@ impl Cia402 {
         self.check_units(setup)?;
         let units = setup.first_fault();
         self.was_restarted |= match self.written.filter(|_| units.is_ok()) {
-            Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark)?,
+            Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark == Some(true))?,
             None => self.homed,
         };
+        // From here on a boot-up message says that the drive has lost what is written now.
+        setup.link.forget_boot_up(self.motor.node);
         self.reset_fault(setup.link)?;
         self.confirm_no_power(setup.link, DRIVE_STATE_TIMEOUT)?;
         // Before anything is written that would hide it from the next who asks.

@@ -26,8 +26,8 @@ pub struct Cia402 {
     pub(super) written: Option<HandleLimits>,
     /// Whether the drive was restarted since it was homed.
     pub(super) was_restarted: bool,
-    /// The drive kept the mark of its arming until it was homed, so that only a restart takes it away.
-    pub(super) keeps_mark: bool,
+    /// Whether the drive kept the mark of its arming until it was homed, so that only a restart takes it away; `None` before it was tried.
+    pub(super) keeps_mark: Option<bool>,
     /// The state that the latest frames told.
     pub(super) seen: DriveState,
     /// What was missing or refused when the drive was set up last.
@@ -49,7 +49,7 @@ impl Cia402 {
             origin: Origin::Found,
             written: None,
             was_restarted: false,
-            keeps_mark: false,
+            keeps_mark: None,
             seen: DriveState::NotReady,
             findings: Vec::new(),
         }

@@ -136,7 +136,6 @@ impl Cia402 {
             }
         }
         (self.homed, self.was_restarted) = (true, false);
-        link.forget_boot_up(self.motor.node);
         self.origin = Origin::at_arming(homing.takes_present_position(), false);
         self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }

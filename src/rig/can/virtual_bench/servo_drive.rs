@@ -328,8 +328,16 @@ impl Device for EmulatedServoDrive {
             id if id == RPDO + self.node.id => self.staged = Some(frame.data().to_vec()),
             0x701 => self.heard = Some(now),
             _ => {
-                if self.node.receive(frame, now, wire) == Some((0x6040, 0)) {
+                let written = self.node.receive(frame, now, wire);
+                if written == Some((0x6040, 0)) {
                     self.obey(self.node.number(0x6040, 0) as u16, wire);
+                }
+                if let Some((index, _)) = written
+                    && wire.has(BenchFault::RebootWhenWritten(index))
+                {
+                    wire.faults.retain(|fault| *fault != BenchFault::RebootWhenWritten(index));
+                    self.node.objects.remove(&(0x1016, 1));
+                    self.strike(BenchFault::RebootWithSettings, now, wire);
                 }
             }
         }

@@ -26,6 +26,8 @@ pub enum BenchFault {
     Reboot,
     /// The motor restarts, and has its settings in a memory that keeps them.
     RebootWithSettings,
+    /// The motor restarts with its settings once this object was written; what its watchdogs were told is gone.
+    RebootWhenWritten(u16),
     /// An object held this value when the program came.
     Held(u16, i32),
     /// The motor loses its supply: no power, no frames.
