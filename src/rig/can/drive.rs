@@ -155,11 +155,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// How the start position was known when the motor was armed last.
     fn origin(&self) -> Origin;
 
-    /// Removes the power and confirms it.
+    /// Removes the power and confirms it. Returns the disobedience of a motor that has no power, but did not let go when it was told.
     ///
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault>;
 }
 
 /// Leaves a motor that does not obey to its own watchdog: the program's heartbeat ends and the nodes are stopped, so that nothing

@@ -138,6 +138,16 @@ pub enum CanFault {
         /// The whole statusword.
         statusword: u16,
     },
+    /// The drive takes its commands from elsewhere.
+    #[error(
+        "the drive is under local control (statusword {statusword:04X}h: bit 9, remote, is not set any more) and ignores what it is told \
+         over the bus: PRESS THE EMERGENCY STOP. End the manufacturer's tool, jog panel or local mode that has taken the drive over, then \
+         arm again"
+    )]
+    LocalControl {
+        /// The statusword.
+        statusword: u16,
+    },
     /// The drive says that it reached one of its own limits, or that the motor is too far from its target.
     #[error("the drive holds the motion back {} (statusword {statusword:04X}h)", held_back_by(*statusword))]
     DriveLimit {
@@ -561,6 +571,16 @@ pub enum CanFault {
     PowerKept {
         /// Periods whose readings showed that.
         periods: u32,
+    },
+    /// The drive kept its power although it was told over SDO to switch it off, until it was left to its own watchdog.
+    #[error(
+        "the drive kept its power for {waited_ms} ms after it was told to switch it off, and let go only when the program had ended its \
+         heartbeat and stopped the node. It must not be used before it was found out why: look whether the drive takes its controlword \
+         from elsewhere"
+    )]
+    PowerOffIgnored {
+        /// How long it was waited for, ms.
+        waited_ms: u64,
     },
     /// The power may still be on.
     #[error(

@@ -45,6 +45,7 @@ impl Drive for Cia402 {
         outcome?;
         self.sensors.prepare(link, file)?;
         self.written = Some(*limits);
+        self.was_remote = false;
         Ok(LimitsConfirmed::by_reading_back())
     }
 
@@ -131,6 +132,7 @@ impl Drive for Cia402 {
         if state != DriveState::OperationEnabled {
             return Err(CanFault::NotEnabled { state, statusword });
         }
+        self.check_remote(status)?;
         // A drive that is at a limit, or too far from its target, may say besides that it does not follow.
         if status.internal_limit() || status.mode_bit_13() {
             return Err(CanFault::DriveLimit { statusword });
@@ -178,7 +180,9 @@ impl Drive for Cia402 {
     }
 
     fn period_complete(&mut self, readings: &Readings) {
-        self.seen = Statusword(readings.statusword).state();
+        let status = Statusword(readings.statusword);
+        self.seen = status.state();
+        self.was_remote |= status.is_remote();
     }
 
     fn takes_present_position(&self) -> bool {
@@ -218,8 +222,9 @@ impl Drive for Cia402 {
         self.origin
     }
 
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault> {
         let node = self.motor.node;
+        let mut disobedience = None;
         match self.confirm_no_power(link, OBEDIENCE_TIMEOUT) {
             Err(CanFault::Canopen(CanopenError::SdoSilent { .. })) => {
                 // A stopped node answers no SDO. While it is asked again, its own watchdog may act.
@@ -232,6 +237,8 @@ impl Drive for Cia402 {
                 // Only a node that is not stopped answers whether it has power.
                 link.nmt(NmtCommand::EnterPreOperational, node)?;
                 self.confirm_no_power(link, DRIVE_STATE_TIMEOUT)?;
+                disobedience =
+                    Some(CanFault::PowerOffIgnored { waited_ms: OBEDIENCE_TIMEOUT.as_millis() as u64 });
             }
             outcome => outcome?,
         }
@@ -241,11 +248,23 @@ impl Drive for Cia402 {
             let _ = link.nmt(NmtCommand::EnterPreOperational, node.node);
         }
         let _ = link.write(node, Object::entry(0x1016, 1), 0u32);
-        Ok(())
+        Ok(disobedience)
     }
 }
 
 impl Cia402 {
+    /// A drive that minded its controlword, and does not any more, is commanded by somebody else. One that never says so is taken as
+    /// it is.
+    ///
+    /// # Errors
+    /// [`CanFault::LocalControl`]
+    pub(super) fn check_remote(&self, status: Statusword) -> Result<(), CanFault> {
+        if self.was_remote && !status.is_remote() {
+            return Err(CanFault::LocalControl { statusword: status.0 });
+        }
+        Ok(())
+    }
+
     /// Units first, which all else rests on; then everything that is written, so that all refusals are known at once.
     fn set_up(
         &mut self,

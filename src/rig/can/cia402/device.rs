@@ -28,6 +28,8 @@ pub struct Cia402 {
     pub(super) was_restarted: bool,
     /// Whether the drive kept the mark of its arming until it was homed, so that only a restart takes it away; `None` before it was tried.
     pub(super) keeps_mark: Option<bool>,
+    /// The drive has said in a frame since it was prepared that it minds its controlword.
+    pub(super) was_remote: bool,
     /// The state that the latest frames told.
     pub(super) seen: DriveState,
     /// What was missing or refused when the drive was set up last.
@@ -50,6 +52,7 @@ impl Cia402 {
             written: None,
             was_restarted: false,
             keeps_mark: None,
+            was_remote: false,
             seen: DriveState::NotReady,
             findings: Vec::new(),
         }

@@ -120,6 +120,7 @@ impl Cia402 {
             if status.state() != DriveState::OperationEnabled {
                 return Err(self.not_reached(link, DriveState::OperationEnabled, status));
             }
+            self.check_remote(status)?;
             if status.mode_bit_13() || link.now() > deadline {
                 self.control(link, Controlword::SHUTDOWN)?;
                 return Err(CanFault::HomingFailed { timeout_s: homing.timeout_s, statusword: status.0 });

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::bench::{Bench, MotorKind, Outcome};
+use super::bench::{Bench, MotorKind, Outcome, follow};
 use super::world::BenchFault;
+use crate::rig::Armed;
 
 /// In the middle of the ramp the drive begins to disobey, and the subject's torque goes beyond its limit.
 fn disobeys_in_ramp(fault: BenchFault) -> Outcome {
@@ -55,6 +56,37 @@ fn drive_that_obeys_nothing_but_is_asked_over_sdo_alone_is_left_to_its_watchdog_
     });
     let after = outcome.power_off_after.unwrap();
     assert!(!outcome.has_power && after <= Duration::from_millis(400), "{after:?}: {:?}", outcome.recorded);
+}
+
+/// The session ended without a trace of it.
+#[test]
+fn drive_that_keeps_its_power_at_the_end_of_a_session_is_recorded() {
+    let bench = Bench::new(MotorKind::Cia402);
+    let armed = bench.arm().unwrap();
+    bench.strike(BenchFault::ControlwordIgnored);
+    let recorded = armed.disarm().summary().faults;
+    assert!(!bench.bus.world().power.last().unwrap().1, "it has power: {recorded:?}");
+    assert!(recorded.iter().any(|fault| fault.contains("kept its power for 100 ms")), "{recorded:?}");
+    let bench = Bench::new(MotorKind::Cia402);
+    let recorded = bench.arm().unwrap().disarm().summary().faults;
+    assert!(recorded.is_empty(), "a drive that obeys: {recorded:?}");
+}
+
+/// It went on as if the drive followed: the vendor's tool moved the handle.
+#[test]
+fn drive_under_local_control_is_a_fault_unless_it_never_shows_remote() {
+    let bench = Bench::new(MotorKind::Cia402);
+    let outcome = bench.strike_while_held(BenchFault::LocalControl);
+    let recorded = outcome.recorded.join("; ");
+    assert_eq!(outcome.fault.code(), "local_control", "{recorded}");
+    assert!(outcome.fault.to_string().contains("under local control"), "{}", outcome.fault);
+    assert!(!outcome.has_power && !outcome.power_came_back, "{recorded}");
+    let bench = Bench::new(MotorKind::Cia402);
+    bench.strike(BenchFault::RemoteNeverShown);
+    let mut armed = bench.arm().unwrap();
+    for _ in 0..100 {
+        armed.exchange(&follow(0.0)).unwrap();
+    }
 }
 
 fn homing_fault(method: i8, fault: BenchFault) -> (String, Bench) {

@@ -126,8 +126,8 @@ impl EmulatedServoDrive {
 
     fn obey(&mut self, word: u16, wire: &Wire) {
         let is_quick_stop = word & 0x06 == 0x02;
-        if wire.has(BenchFault::ControlwordIgnored) || is_quick_stop && wire.has(BenchFault::QuickStopIgnored)
-        {
+        let is_deaf = wire.has(BenchFault::ControlwordIgnored) || wire.has(BenchFault::LocalControl);
+        if is_deaf || is_quick_stop && wire.has(BenchFault::QuickStopIgnored) {
             return;
         }
         let before = std::mem::replace(&mut self.controlword, word);
@@ -274,6 +274,9 @@ impl EmulatedServoDrive {
         }
         self.last_torque = torque;
         let mut told = (self.statusword(), self.counts());
+        if wire.has(BenchFault::LocalControl) || wire.has(BenchFault::RemoteNeverShown) {
+            told.0 &= !0x0200;
+        }
         if wire.has(BenchFault::PositionFreeze) {
             told = *self.frozen.get_or_insert(told);
         }

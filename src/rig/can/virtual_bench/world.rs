@@ -86,6 +86,10 @@ pub enum BenchFault {
     HomingMisplaced(f64),
     /// The drive goes on as if it had got no controlword.
     ControlwordIgnored,
+    /// Somebody commands the drive with another tool: it says so, and minds no controlword.
+    LocalControl,
+    /// The drive never says whether it minds its controlword.
+    RemoteNeverShown,
     /// The drive goes on as if it had not been told to make a quick stop.
     QuickStopIgnored,
     /// The drive says that it makes a quick stop, and goes on at its speed.
