@@ -189,8 +189,8 @@ pub enum CanFault {
     },
     /// The motor moves faster than it was told.
     #[error(
-        "the handle turns at {measured_rad_s:.3} rad/s where {asked_rad_s} rad/s were asked for: the drive and the rig file do \
-         not mean the same unit (counts_per_revolution, gear_ratio; 608Fh, 6091h, 60A9h), or something else moves the handle"
+        "the handle turns at {measured_rad_s:.3} rad/s where {asked_rad_s} rad/s were asked for: the drive does not take \
+         speeds or targets in the unit of its position (607Eh, 6091h, 6092h, 60A9h), or something else moves the handle"
     )]
     FasterThanAsked {
         /// How fast it is.
@@ -200,8 +200,8 @@ pub enum CanFault {
     },
     /// The motor did not move as far as it was told.
     #[error(
-        "the handle moved by {moved_rad:.5} rad where {asked_rad:.5} rad were asked for: the drive and the rig file do not mean \
-         the same unit (counts_per_revolution, gear_ratio; 607Eh, 608Fh, 6091h), or something holds the handle"
+        "the handle moved by {moved_rad:.5} rad where {asked_rad:.5} rad were asked for: the drive does not take its targets in \
+         the unit of its position (607Eh, 6091h, 6092h), or something holds the handle"
     )]
     MovedOtherwise {
         /// How far it moved, in the direction that was asked for.

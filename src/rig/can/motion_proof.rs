@@ -1,5 +1,6 @@
-//! Whether the motor moves as far and as fast as it is told. Drive and rig file may mean different units by the same number;
-//! a slow motion shows it before a limb is in.
+//! Whether the motor moves as far and as fast as it is told. A drive may take its targets, or the speeds of its own motions, in another
+//! unit than it reports its position in; a slow motion shows it before a limb is in. Wrong counts for a turn, or a wrong gear ratio, are
+//! the same factor in targets and positions, and are not shown.
 
 use std::time::Instant;
 

@@ -122,8 +122,7 @@ impl Drive for Cia402 {
 
     fn angle(&self, readings: &Readings, sample: usize) -> JointAngle {
         let JointAngle(at_sync) = self.gearing.from_drive(Counts(readings.position));
-        let JointAngle(one) = self.gearing.from_drive(Counts(1));
-        JointAngle(at_sync + readings.steps[sample] * one)
+        JointAngle(at_sync + readings.steps[sample] * self.gearing.count_rad())
     }
 
     fn check(&self, readings: &Readings, _now: Instant) -> Result<(), CanFault> {
@@ -176,7 +175,7 @@ impl Drive for Cia402 {
     }
 
     fn angle_resolution_rad(&self) -> f64 {
-        self.gearing.from_drive(Counts(1)).0.abs()
+        self.gearing.count_rad().abs()
     }
 
     fn period_complete(&mut self, readings: &Readings) {

@@ -7,7 +7,7 @@ use crate::rig::can::file::{CanRigFile, Cia402Motor, Display};
 use crate::rig::can::finding::ObjectFinding;
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::sensors::Sensors;
-use crate::rig::can::units::{BusPeriod, Gearing};
+use crate::rig::can::units::{BusPeriod, Gearing, JointAngle};
 
 /// A CiA 402 drive.
 #[derive(Debug)]
@@ -41,7 +41,9 @@ impl Cia402 {
     pub fn new(motor: &Cia402Motor, file: &CanRigFile) -> Self {
         let period = BusPeriod::from_us(file.period_us).and_then(BusPeriod::interpolation);
         Self {
-            gearing: Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm),
+            // The drive's own offset (607Ch) is 0: drives do not agree on its sign.
+            gearing: Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm)
+                .with_home(JointAngle(motor.homing.offset_rad)),
             motor: motor.clone(),
             // The rig file was checked for a period that can be written so.
             interpolation: period.unwrap_or((0, 0)),

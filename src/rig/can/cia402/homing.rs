@@ -109,7 +109,7 @@ impl Cia402 {
         monitor.begin();
         let deadline = link.now() + Duration::from_secs_f64(homing.timeout_s);
         // The drive is told its speeds in a unit that only it knows for sure.
-        let resolution_rad = self.gearing.from_drive(Counts(1)).0.abs();
+        let resolution_rad = self.gearing.count_rad().abs();
         let mut speed = SpeedWatch::new(homing.fast_rad_s, resolution_rad, link.time_stretch());
         // Until the first periods are over, the bits may be those of before.
         for period in 0u64.. {

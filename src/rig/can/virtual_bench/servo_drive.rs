@@ -164,7 +164,8 @@ impl EmulatedServoDrive {
             BenchFault::HomingMisplaced(rad) => Some(*rad),
             _ => None,
         });
-        let offset_rad = f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD + misplaced.unwrap_or(0.0);
+        // CiA 402: zero position = home position + home offset.
+        let offset_rad = misplaced.unwrap_or(0.0) - f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD;
         (self.origin_rad, self.homed, self.homing) = (self.shaft_rad - offset_rad, true, None);
     }
 
