@@ -130,6 +130,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// from this session.
     fn takes_present_position(&self) -> bool;
 
+    /// Whether the motor moves at every arming to find its start position, where nobody knows yet how far that is.
+    fn homes_by_moving(&self) -> bool {
+        false
+    }
+
     /// Whether the motor itself shows that it lost its origin since it was armed last. One that does not is armed again only where
     /// the operator says that the handle stands at the start position, and the motor reads the same.
     fn shows_lost_origin(&self) -> bool {

@@ -306,6 +306,17 @@ pub enum CanFault {
         /// The statusword.
         statusword: u16,
     },
+    /// The handle went further in a search for its home than there can be room for.
+    #[error(
+        "the handle moved by {moved_rad:.3} rad while the motor searched its home, and {most_rad:.3} rad are the most between the angle \
+         limits and home: the motor was stopped. Look at home switch, cable, method (6098h), homing.offset_rad and counts_per_revolution"
+    )]
+    HomingTooFar {
+        /// How far, rad at the handle.
+        moved_rad: f64,
+        /// How far at most, rad at the handle.
+        most_rad: f64,
+    },
     /// The drive does not know any more where the start position is.
     #[error(
         "the drive has lost its origin (it was restarted) and its homing method cannot find it: begin the session anew with the handle at the start position"

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::fault::CanFault;
 
 /// How much faster than asked for a motion may be measured, as a factor: control loops overshoot.
-const SPEED_TOLERANCE: f64 = 1.5;
+pub const SPEED_TOLERANCE: f64 = 1.5;
 /// Periods in a row that must be too fast. One is a disturbed reading, or an origin that moved when home was found.
 const TOO_FAST_PERIODS: u32 = 3;
 /// How far a motion may differ from what was asked for, as a fraction.

@@ -77,7 +77,7 @@ impl Drive for Cia402 {
             }
         }
         self.write_mark(link)?;
-        self.home(link, monitor)?;
+        self.home(link, limits, monitor)?;
         if !was_homed {
             // It had power meanwhile, and lost it again.
             self.keeps_mark = Some(self.has_mark(link)? == Some(true));
@@ -186,6 +186,10 @@ impl Drive for Cia402 {
 
     fn takes_present_position(&self) -> bool {
         self.motor.homing.takes_present_position()
+    }
+
+    fn homes_by_moving(&self) -> bool {
+        !self.motor.homing.takes_present_position()
     }
 
     /// One that keeps its mark has lost it after a restart. The limits show nothing: a memory may keep them.

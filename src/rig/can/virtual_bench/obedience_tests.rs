@@ -109,6 +109,27 @@ fn homing_at_the_present_position_that_moves_the_motor_is_a_fault_within_a_few_m
     }
 }
 
+/// It went on until the timeout, through the handle's end stops.
+#[test]
+fn search_for_home_that_goes_further_than_the_limits_are_apart_is_a_fault() {
+    let bench = |rad_s: f64| {
+        let bench = Bench::with(MotorKind::Cia402, |rig| {
+            rig["motor"]["homing"]["method"] = json!(34);
+            rig["motor"]["homing"]["fast_rad_s"] = json!(2.0);
+            rig["motor"]["homing"]["acceleration_rad_s2"] = json!(1000);
+        });
+        bench.strike(BenchFault::HomingMoves(rad_s));
+        bench
+    };
+    for rad_s in [2.0, -2.0] {
+        let bench = bench(rad_s);
+        let fault = bench.arm_and_watch().unwrap_err();
+        assert_eq!(fault.code(), "homing_too_far", "{fault}");
+        assert!(!bench.bus.world().power.last().unwrap().1, "{fault}");
+    }
+    bench(0.5).arm_and_watch().unwrap();
+}
+
 #[test]
 fn origin_that_is_not_at_the_homing_offset_is_a_fault() {
     for misplaced_rad in [0.05, -0.3] {
