@@ -153,9 +153,11 @@ impl SessionRig {
     pub fn questions(&self) -> CommandQuestions {
         match self {
             Self::Virtual { .. } => CommandQuestions::for_virtual_wrist(),
-            Self::Can(motor) => {
-                CommandQuestions::for_motor(motor.sets_origin_here(), motor.rearms_at_start())
-            }
+            Self::Can(motor) => CommandQuestions::for_motor(
+                motor.sets_origin_here(),
+                motor.rearms_at_start(),
+                motor.homes_by_moving(),
+            ),
         }
     }
 

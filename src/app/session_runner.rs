@@ -96,7 +96,11 @@ impl SessionRun<'_> {
                 if sets_origin_here && work.setup.is_some() {
                     console.announce(SETS_ORIGIN_HERE);
                 }
-                let questions = CommandQuestions::for_motor(sets_origin_here, motor.rearms_at_start());
+                let questions = CommandQuestions::for_motor(
+                    sets_origin_here,
+                    motor.rearms_at_start(),
+                    motor.homes_by_moving(),
+                );
                 let operator = |_: &Machine| {
                     MotorOperator::new(stop, is_confirmed, sets_origin_here, questions, console)
                 };

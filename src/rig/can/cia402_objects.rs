@@ -226,11 +226,11 @@ pub const OBJECTS: &[ObjectUse] = &[
     row(
         0x607C,
         "00",
-        ByRig("homing.offset_rad is not 0"),
+        Optional,
         [
-            "position where home is found",
-            "home is at 0",
-            "set homing.offset_rad to 0 for a drive without home offset",
+            "home offset: 0, for drives do not agree on its sign; the program counts homing.offset_rad itself",
+            "home is at 0, which is what would be written",
+            "set 607Ch to 0 in the drive",
         ],
     ),
     row(
@@ -276,11 +276,12 @@ pub const OBJECTS: &[ObjectUse] = &[
     row(
         0x608F,
         "01, 02",
-        Optional,
+        ByRig("motor.counts_checked_by_hand is not true"),
         [
             "encoder counts in a turn of the motor",
-            "motor.counts_per_revolution is not compared with the drive: turn the motor once by hand and look at 6064h",
-            "correct motor.counts_per_revolution, or set the encoder's resolution in the drive",
+            "with wrong counts every angle and speed is wrong by the same factor, and no motion shows it",
+            "correct motor.counts_per_revolution, or set the encoder's resolution in the drive; for a drive without 608Fh turn the handle \
+             by a known angle, compare 6064h, and set motor.counts_checked_by_hand to true",
         ],
     ),
     row(

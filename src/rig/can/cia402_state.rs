@@ -45,6 +45,11 @@ impl Statusword {
         }
     }
 
+    /// Bit 9, remote: the drive does what the controlword says. Some drives never set it.
+    pub fn is_remote(self) -> bool {
+        self.0 & 0x0200 != 0
+    }
+
     /// Bit 10: target reached, or homing over.
     pub fn target_reached(self) -> bool {
         self.0 & 0x0400 != 0

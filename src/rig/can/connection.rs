@@ -115,11 +115,11 @@ impl Connection {
     }
 
     /// Removes the power, confirms it, and ends all monitoring. The program's heartbeat ends too, so the drive's own watchdog acts
-    /// if the power could not be removed.
+    /// if the power could not be removed. Returns the disobedience of a motor that let go only when it was left to its watchdog.
     ///
     /// # Errors
     /// Why it could not be confirmed.
-    pub fn release(&mut self) -> Result<(), CanFault> {
+    pub fn release(&mut self) -> Result<Option<CanFault>, CanFault> {
         self.link.set_interruptible(false);
         self.link.set_error_policy(ErrorPolicy::Count);
         let outcome = safe_state::power_off(&mut self.link, self.drive.as_mut());

@@ -130,6 +130,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// from this session.
     fn takes_present_position(&self) -> bool;
 
+    /// Whether the motor moves at every arming to find its start position, where nobody knows yet how far that is.
+    fn homes_by_moving(&self) -> bool {
+        false
+    }
+
     /// Whether the motor itself shows that it lost its origin since it was armed last. One that does not is armed again only where
     /// the operator says that the handle stands at the start position, and the motor reads the same.
     fn shows_lost_origin(&self) -> bool {
@@ -155,11 +160,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// How the start position was known when the motor was armed last.
     fn origin(&self) -> Origin;
 
-    /// Removes the power and confirms it.
+    /// Removes the power and confirms it. Returns the disobedience of a motor that has no power, but did not let go when it was told.
     ///
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault>;
 }
 
 /// Leaves a motor that does not obey to its own watchdog: the program's heartbeat ends and the nodes are stopped, so that nothing

@@ -138,6 +138,16 @@ pub enum CanFault {
         /// The whole statusword.
         statusword: u16,
     },
+    /// The drive takes its commands from elsewhere.
+    #[error(
+        "the drive is under local control (statusword {statusword:04X}h: bit 9, remote, is not set any more) and ignores what it is told \
+         over the bus: PRESS THE EMERGENCY STOP. End the manufacturer's tool, jog panel or local mode that has taken the drive over, then \
+         arm again"
+    )]
+    LocalControl {
+        /// The statusword.
+        statusword: u16,
+    },
     /// The drive says that it reached one of its own limits, or that the motor is too far from its target.
     #[error("the drive holds the motion back {} (statusword {statusword:04X}h)", held_back_by(*statusword))]
     DriveLimit {
@@ -179,8 +189,8 @@ pub enum CanFault {
     },
     /// The motor moves faster than it was told.
     #[error(
-        "the handle turns at {measured_rad_s:.3} rad/s where {asked_rad_s} rad/s were asked for: the drive and the rig file do \
-         not mean the same unit (counts_per_revolution, gear_ratio; 608Fh, 6091h, 60A9h), or something else moves the handle"
+        "the handle turns at {measured_rad_s:.3} rad/s where {asked_rad_s} rad/s were asked for: the drive does not take \
+         speeds or targets in the unit of its position (607Eh, 6091h, 6092h, 60A9h), or something else moves the handle"
     )]
     FasterThanAsked {
         /// How fast it is.
@@ -190,8 +200,8 @@ pub enum CanFault {
     },
     /// The motor did not move as far as it was told.
     #[error(
-        "the handle moved by {moved_rad:.5} rad where {asked_rad:.5} rad were asked for: the drive and the rig file do not mean \
-         the same unit (counts_per_revolution, gear_ratio; 607Eh, 608Fh, 6091h), or something holds the handle"
+        "the handle moved by {moved_rad:.5} rad where {asked_rad:.5} rad were asked for: the drive does not take its targets in \
+         the unit of its position (607Eh, 6091h, 6092h), or something holds the handle"
     )]
     MovedOtherwise {
         /// How far it moved, in the direction that was asked for.
@@ -295,6 +305,17 @@ pub enum CanFault {
         timeout_s: f64,
         /// The statusword.
         statusword: u16,
+    },
+    /// The handle went further in a search for its home than there can be room for.
+    #[error(
+        "the handle moved by {moved_rad:.3} rad while the motor searched its home, and {most_rad:.3} rad are the most between the angle \
+         limits and home: the motor was stopped. Look at home switch, cable, method (6098h), homing.offset_rad and counts_per_revolution"
+    )]
+    HomingTooFar {
+        /// How far, rad at the handle.
+        moved_rad: f64,
+        /// How far at most, rad at the handle.
+        most_rad: f64,
     },
     /// The drive does not know any more where the start position is.
     #[error(
@@ -561,6 +582,16 @@ pub enum CanFault {
     PowerKept {
         /// Periods whose readings showed that.
         periods: u32,
+    },
+    /// The drive kept its power although it was told over SDO to switch it off, until it was left to its own watchdog.
+    #[error(
+        "the drive kept its power for {waited_ms} ms after it was told to switch it off, and let go only when the program had ended its \
+         heartbeat and stopped the node. It must not be used before it was found out why: look whether the drive takes its controlword \
+         from elsewhere"
+    )]
+    PowerOffIgnored {
+        /// How long it was waited for, ms.
+        waited_ms: u64,
     },
     /// The power may still be on.
     #[error(

@@ -1,12 +1,13 @@
-//! Whether the motor moves as far and as fast as it is told. Drive and rig file may mean different units by the same number;
-//! a slow motion shows it before a limb is in.
+//! Whether the motor moves as far and as fast as it is told. A drive may take its targets, or the speeds of its own motions, in another
+//! unit than it reports its position in; a slow motion shows it before a limb is in. Wrong counts for a turn, or a wrong gear ratio, are
+//! the same factor in targets and positions, and are not shown.
 
 use std::time::Instant;
 
 use super::fault::CanFault;
 
 /// How much faster than asked for a motion may be measured, as a factor: control loops overshoot.
-const SPEED_TOLERANCE: f64 = 1.5;
+pub const SPEED_TOLERANCE: f64 = 1.5;
 /// Periods in a row that must be too fast. One is a disturbed reading, or an origin that moved when home was found.
 const TOO_FAST_PERIODS: u32 = 3;
 /// How far a motion may differ from what was asked for, as a fraction.

@@ -166,7 +166,13 @@ impl CanMotor {
         // The fits and whatever else this thread does next need no real time.
         self.real_time = None;
         match released {
-            Ok(()) => true,
+            Ok(disobedience) => {
+                if let Some(fault) = disobedience {
+                    tracing::error!("{fault}");
+                    self.record_fault(fault);
+                }
+                true
+            }
             Err(fault) => {
                 tracing::error!("{}", CanFault::PowerNotConfirmed);
                 self.record_fault(fault);
@@ -359,10 +365,11 @@ impl ArmedCanMotor {
         };
         // The power itself is taken off, and made sure of, by `disarm`, which always follows.
         let outcome = safe_state::power_off(link, drive.as_mut());
-        if let Err(fault) = outcome {
+        if outcome.is_err() {
             link.set_own_heartbeat(None);
-            self.motor.iter_mut().for_each(|motor| motor.record_fault(fault));
         }
+        let met = outcome.unwrap_or_else(Some);
+        self.motor.iter_mut().for_each(|motor| met.into_iter().for_each(|fault| motor.record_fault(fault)));
         outcome.is_ok()
     }
 

@@ -118,6 +118,11 @@ impl CanMotor {
         self.connection.drive.takes_present_position() && !self.origin_is_adopted
     }
 
+    /// Whether the motor searches its home at every arming, and may move the handle over its whole range.
+    pub fn homes_by_moving(&self) -> bool {
+        self.connection.drive.homes_by_moving()
+    }
+
     /// Whether arming the motor again needs the operator's word that the handle stands at the start position: the motor took its
     /// place there once, and would not show that it was restarted since.
     pub fn rearms_at_start(&self) -> bool {

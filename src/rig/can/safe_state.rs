@@ -184,10 +184,11 @@ impl Stop<'_> {
 }
 
 /// Removes the power and confirms it. A drive that does not answer is stopped by NMT, and by the end of the heartbeat.
+/// Returns the disobedience of a motor that let go only when it was left to its own watchdog.
 ///
 /// # Errors
 /// Why it could not be confirmed.
-pub fn power_off(link: &mut Link, drive: &mut dyn Drive) -> Result<(), CanFault> {
+pub fn power_off(link: &mut Link, drive: &mut dyn Drive) -> Result<Option<CanFault>, CanFault> {
     let outcome = drive.power_off(link);
     if outcome.is_err() {
         link.set_own_heartbeat(None);

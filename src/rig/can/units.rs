@@ -37,13 +37,25 @@ pub struct Gearing {
     counts_per_rad: f64,
     ratio: f64,
     rated_torque_nm: f64,
+    /// Angle of the joint where the drive counts 0.
+    home: JointAngle,
 }
 
 impl Gearing {
     /// A drive with `counts_per_revolution` and `rated_torque_nm` of its motor, behind a gear that turns the motor
     /// `ratio` times for one turn of the handle; a negative one turns it the other way.
     pub fn new(counts_per_revolution: u32, ratio: f64, rated_torque_nm: f64) -> Self {
-        Self { counts_per_rad: f64::from(counts_per_revolution) / TAU, ratio, rated_torque_nm }
+        Self {
+            counts_per_rad: f64::from(counts_per_revolution) / TAU,
+            ratio,
+            rated_torque_nm,
+            home: JointAngle(0.0),
+        }
+    }
+
+    /// With home, where the drive counts 0, at `home` from the start position.
+    pub fn with_home(self, home: JointAngle) -> Self {
+        Self { home, ..self }
     }
 
     /// The motor's angle when the handle is at `angle`.
@@ -68,12 +80,17 @@ impl Gearing {
 
     /// Counts of a joint angle, for what is given to the drive.
     pub fn to_drive(&self, angle: JointAngle) -> Counts {
-        self.counts(self.motor(angle))
+        self.counts(self.motor(JointAngle(angle.0 - self.home.0)))
     }
 
     /// Joint angle of counts, for what comes from the drive.
     pub fn from_drive(&self, counts: Counts) -> JointAngle {
-        self.joint(self.angle(counts))
+        JointAngle(self.joint(self.angle(counts)).0 + self.home.0)
+    }
+
+    /// By how much one count more turns the joint, rad; negative where the gear turns the other way.
+    pub fn count_rad(&self) -> f64 {
+        self.joint(self.angle(Counts(1))).0
     }
 
     /// A length on the joint's scale, such as a speed or a window, in whole counts, rounded down: a limit never grows.
@@ -93,7 +110,7 @@ impl Gearing {
 
     /// [`Self::to_drive`], in counts, for a number that may be larger than an object of the drive can hold.
     pub fn unbounded_counts(&self, angle: JointAngle) -> f64 {
-        (self.motor(angle).0 * self.counts_per_rad).round()
+        (self.motor(JointAngle(angle.0 - self.home.0)).0 * self.counts_per_rad).round()
     }
 
     /// [`Self::length`], in counts, for a number that may be larger than an object of the drive can hold.
@@ -175,6 +192,18 @@ mod tests {
         assert!((gearing.from_drive(Counts(-4096)).0 - TAU / 50.0).abs() < 1e-12);
         assert_eq!(gearing.drive_torque(JointTorque(5.0)), DriveTorque(200), "0.1 N m of 0.5 rated");
         assert_eq!(gearing.motor_rpm(TAU), 3000);
+    }
+
+    #[test]
+    fn home_is_where_the_drive_counts_0_whichever_way_the_gear_turns() {
+        for ratio in [1.0, -50.0] {
+            let gearing = GEARING(ratio).with_home(JointAngle(0.25));
+            assert_eq!(gearing.from_drive(Counts(0)), JointAngle(0.25));
+            assert_eq!(gearing.to_drive(JointAngle(0.25)), Counts(0));
+            assert!((gearing.from_drive(gearing.to_drive(JointAngle(-0.1))).0 + 0.1).abs() < 1e-3);
+            assert_eq!(gearing.length(0.5), GEARING(ratio).length(0.5), "a length has no home");
+            assert_eq!(gearing.count_rad(), GEARING(ratio).count_rad());
+        }
     }
 
     #[test]

@@ -235,7 +235,7 @@ impl Drive for Cansimple {
         self.origin
     }
 
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault> {
         self.probe = None;
         self.send_state(link, IDLE)?;
         let asked = link.now();
@@ -245,6 +245,7 @@ impl Drive for Cansimple {
             let Some(frame) = link.receive(deadline)? else { return Err(CanFault::PowerNotConfirmed) };
             let _ = self.handle_frame(&frame, link.arrival());
         }
-        Ok(self.sensors.release(link)?)
+        self.sensors.release(link)?;
+        Ok(None)
     }
 }

@@ -22,8 +22,9 @@ impl Cia402 {
     /// Every unit and scale that the drive tells must be that of the rig file: all limits rest on them.
     pub(super) fn check_units(&self, setup: &mut ObjectSetup<'_>) -> Result<(), CanopenError> {
         let counts = self.motor.counts_per_revolution;
-        if let (Some(read), Some(turns)) =
-            (setup.read(Object::entry(0x608F, 1))?, setup.read(Object::entry(0x608F, 2))?)
+        let is_needed = !self.motor.counts_checked_by_hand;
+        let told = setup.read_needed(Object::entry(0x608F, 1), is_needed)?;
+        if let (Some(read), Some(turns)) = (told, setup.read_needed(Object::entry(0x608F, 2), is_needed)?)
             && read != counts.saturating_mul(turns.max(1))
         {
             setup.wrong_device(Object::entry(0x608F, 1), read, counts);
@@ -178,13 +179,13 @@ impl Cia402 {
     pub(super) fn write_homing(&self, setup: &mut ObjectSetup<'_>) -> Result<(), CanopenError> {
         let (gearing, homing) = (&self.gearing, &self.motor.homing);
         let moves = !homing.takes_present_position();
-        let offset = gearing.to_drive(JointAngle(homing.offset_rad)).0;
         let writes: [(Object, Value, bool); 5] = [
             (Object::plain(0x6098), homing.method.into(), true),
             (Object::entry(0x6099, 1), gearing.length(homing.fast_rad_s).into(), moves),
             (Object::entry(0x6099, 2), gearing.length(homing.slow_rad_s).into(), moves),
             (Object::plain(0x609A), gearing.length(homing.acceleration_rad_s2).into(), moves),
-            (Object::plain(0x607C), offset.into(), offset != 0),
+            // By the standard the origin is offset from home, by some drives home from the origin; and 607Dh may or may not count it.
+            (Object::plain(0x607C), 0i32.into(), false),
         ];
         writes.into_iter().try_for_each(|(object, value, is_needed)| setup.write(object, value, is_needed))
     }

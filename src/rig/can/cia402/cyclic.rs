@@ -13,7 +13,7 @@ use crate::rig::can::canopen::{
 use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 use crate::rig::can::device_setup::identify;
 use crate::rig::can::drive::{
-    Drive, DriveRequest, MotionMonitor, OriginReport, PowerState, leave_to_watchdog,
+    Drive, DriveRequest, HANDLE_AT_START_RAD, MotionMonitor, OriginReport, PowerState, leave_to_watchdog,
 };
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
@@ -45,6 +45,7 @@ impl Drive for Cia402 {
         outcome?;
         self.sensors.prepare(link, file)?;
         self.written = Some(*limits);
+        self.was_remote = false;
         Ok(LimitsConfirmed::by_reading_back())
     }
 
@@ -67,17 +68,24 @@ impl Drive for Cia402 {
     ) -> Result<(), CanFault> {
         start_nodes(link, &self.monitored_nodes())?;
         link.set_error_policy(ErrorPolicy::Fault);
+        self.check_not_restarted(link)?;
         let was_homed = self.homed;
+        if was_homed && self.takes_present_position() && !self.shows_lost_origin() {
+            let angle_rad = self.ask_angle(link)?;
+            if angle_rad.abs() > HANDLE_AT_START_RAD {
+                return Err(CanFault::OriginNotConfirmed { angle_rad });
+            }
+        }
         self.write_mark(link)?;
-        self.home(link, monitor)?;
+        self.home(link, limits, monitor)?;
         if !was_homed {
             // It had power meanwhile, and lost it again.
-            self.keeps_mark = self.has_mark(link)? == Some(true);
+            self.keeps_mark = Some(self.has_mark(link)? == Some(true));
         }
         self.confirm_limits(link, limits)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
         self.seen = self.ask_status(link)?.state();
-        Ok(())
+        self.check_not_restarted(link)
     }
 
     fn send_target(
@@ -114,8 +122,7 @@ impl Drive for Cia402 {
 
     fn angle(&self, readings: &Readings, sample: usize) -> JointAngle {
         let JointAngle(at_sync) = self.gearing.from_drive(Counts(readings.position));
-        let JointAngle(one) = self.gearing.from_drive(Counts(1));
-        JointAngle(at_sync + readings.steps[sample] * one)
+        JointAngle(at_sync + readings.steps[sample] * self.gearing.count_rad())
     }
 
     fn check(&self, readings: &Readings, _now: Instant) -> Result<(), CanFault> {
@@ -124,6 +131,7 @@ impl Drive for Cia402 {
         if state != DriveState::OperationEnabled {
             return Err(CanFault::NotEnabled { state, statusword });
         }
+        self.check_remote(status)?;
         // A drive that is at a limit, or too far from its target, may say besides that it does not follow.
         if status.internal_limit() || status.mode_bit_13() {
             return Err(CanFault::DriveLimit { statusword });
@@ -167,23 +175,30 @@ impl Drive for Cia402 {
     }
 
     fn angle_resolution_rad(&self) -> f64 {
-        self.gearing.from_drive(Counts(1)).0.abs()
+        self.gearing.count_rad().abs()
     }
 
     fn period_complete(&mut self, readings: &Readings) {
-        self.seen = Statusword(readings.statusword).state();
+        let status = Statusword(readings.statusword);
+        self.seen = status.state();
+        self.was_remote |= status.is_remote();
     }
 
     fn takes_present_position(&self) -> bool {
         self.motor.homing.takes_present_position()
     }
 
-    /// One that was restarted has not the limits or the mark that were written, or its boot-up message came.
-    fn shows_lost_origin(&self) -> bool {
-        true
+    fn homes_by_moving(&self) -> bool {
+        !self.motor.homing.takes_present_position()
     }
 
-    /// A drive that was not restarted still has the limits and the mark that were written when it was armed.
+    /// One that keeps its mark has lost it after a restart. The limits show nothing: a memory may keep them.
+    fn shows_lost_origin(&self) -> bool {
+        self.keeps_mark.unwrap_or(true)
+    }
+
+    /// A drive that was not restarted still has the limits and the mark that were written when it was armed. One that takes no mark may
+    /// have been restarted while nobody listened, and keep its limits.
     fn ask_origin(
         &mut self,
         link: &mut Link,
@@ -194,9 +209,11 @@ impl Drive for Cia402 {
         let mut setup = ObjectSetup::new(link, self.motor.node);
         self.check_units(&mut setup)?;
         setup.first_fault()?;
-        self.keeps_mark = self.has_mark(link)?.is_some();
-        let is_kept = !self.shows_restart(link, limits, self.keeps_mark)?;
-        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(JointAngle(self.ask_angle(link)?)) })
+        let takes_mark = self.has_mark(link)?.is_some();
+        self.keeps_mark = Some(takes_mark);
+        let was_restarted = self.shows_restart(link, limits, takes_mark)?;
+        let is_kept = (was_restarted || takes_mark).then_some(!was_restarted);
+        Ok(OriginReport { is_kept, angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
     fn adopt_origin(&mut self, limits: &HandleLimits) {
@@ -208,8 +225,9 @@ impl Drive for Cia402 {
         self.origin
     }
 
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault> {
         let node = self.motor.node;
+        let mut disobedience = None;
         match self.confirm_no_power(link, OBEDIENCE_TIMEOUT) {
             Err(CanFault::Canopen(CanopenError::SdoSilent { .. })) => {
                 // A stopped node answers no SDO. While it is asked again, its own watchdog may act.
@@ -222,6 +240,8 @@ impl Drive for Cia402 {
                 // Only a node that is not stopped answers whether it has power.
                 link.nmt(NmtCommand::EnterPreOperational, node)?;
                 self.confirm_no_power(link, DRIVE_STATE_TIMEOUT)?;
+                disobedience =
+                    Some(CanFault::PowerOffIgnored { waited_ms: OBEDIENCE_TIMEOUT.as_millis() as u64 });
             }
             outcome => outcome?,
         }
@@ -231,11 +251,23 @@ impl Drive for Cia402 {
             let _ = link.nmt(NmtCommand::EnterPreOperational, node.node);
         }
         let _ = link.write(node, Object::entry(0x1016, 1), 0u32);
-        Ok(())
+        Ok(disobedience)
     }
 }
 
 impl Cia402 {
+    /// A drive that minded its controlword, and does not any more, is commanded by somebody else. One that never says so is taken as
+    /// it is.
+    ///
+    /// # Errors
+    /// [`CanFault::LocalControl`]
+    pub(super) fn check_remote(&self, status: Statusword) -> Result<(), CanFault> {
+        if self.was_remote && !status.is_remote() {
+            return Err(CanFault::LocalControl { statusword: status.0 });
+        }
+        Ok(())
+    }
+
     /// Units first, which all else rests on; then everything that is written, so that all refusals are known at once.
     fn set_up(
         &mut self,
@@ -246,9 +278,11 @@ impl Cia402 {
         self.check_units(setup)?;
         let units = setup.first_fault();
         self.was_restarted |= match self.written.filter(|_| units.is_ok()) {
-            Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark)?,
+            Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark == Some(true))?,
             None => self.homed,
         };
+        // From here on a boot-up message says that the drive has lost what is written now.
+        setup.link.forget_boot_up(self.motor.node);
         self.reset_fault(setup.link)?;
         self.confirm_no_power(setup.link, DRIVE_STATE_TIMEOUT)?;
         // Before anything is written that would hide it from the next who asks.

@@ -7,7 +7,7 @@ use crate::rig::can::file::{CanRigFile, Cia402Motor, Display};
 use crate::rig::can::finding::ObjectFinding;
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::sensors::Sensors;
-use crate::rig::can::units::{BusPeriod, Gearing};
+use crate::rig::can::units::{BusPeriod, Gearing, JointAngle};
 
 /// A CiA 402 drive.
 #[derive(Debug)]
@@ -26,8 +26,10 @@ pub struct Cia402 {
     pub(super) written: Option<HandleLimits>,
     /// Whether the drive was restarted since it was homed.
     pub(super) was_restarted: bool,
-    /// The drive kept the mark of its arming until it was homed, so that only a restart takes it away.
-    pub(super) keeps_mark: bool,
+    /// Whether the drive kept the mark of its arming until it was homed, so that only a restart takes it away; `None` before it was tried.
+    pub(super) keeps_mark: Option<bool>,
+    /// The drive has said in a frame since it was prepared that it minds its controlword.
+    pub(super) was_remote: bool,
     /// The state that the latest frames told.
     pub(super) seen: DriveState,
     /// What was missing or refused when the drive was set up last.
@@ -39,7 +41,9 @@ impl Cia402 {
     pub fn new(motor: &Cia402Motor, file: &CanRigFile) -> Self {
         let period = BusPeriod::from_us(file.period_us).and_then(BusPeriod::interpolation);
         Self {
-            gearing: Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm),
+            // The drive's own offset (607Ch) is 0: drives do not agree on its sign.
+            gearing: Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm)
+                .with_home(JointAngle(motor.homing.offset_rad)),
             motor: motor.clone(),
             // The rig file was checked for a period that can be written so.
             interpolation: period.unwrap_or((0, 0)),
@@ -49,7 +53,8 @@ impl Cia402 {
             origin: Origin::Found,
             written: None,
             was_restarted: false,
-            keeps_mark: false,
+            keeps_mark: None,
+            was_remote: false,
             seen: DriveState::NotReady,
             findings: Vec::new(),
         }

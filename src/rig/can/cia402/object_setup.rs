@@ -76,10 +76,18 @@ impl<'a> ObjectSetup<'a> {
     /// # Errors
     /// The drive does not answer. What it refuses is noted.
     pub fn read(&mut self, object: Object) -> Result<Option<u32>, CanopenError> {
+        self.read_needed(object, true)
+    }
+
+    /// [`Self::read`], where the table of objects leaves it to the rig whether the drive must have the object: `is_needed` decides.
+    ///
+    /// # Errors
+    /// The drive does not answer. What it refuses is noted.
+    pub fn read_needed(&mut self, object: Object, is_needed: bool) -> Result<Option<u32>, CanopenError> {
         match self.link.read(self.node, object) {
             Ok(value) => Ok(Some(value.number())),
             Err(error) if is_missing(&error) => {
-                self.note(object, ObjectProblem::Missing { is_needed: needed(object, true) });
+                self.note(object, ObjectProblem::Missing { is_needed: needed(object, is_needed) });
                 Ok(None)
             }
             Err(error @ CanopenError::SdoAborted { .. }) => {

@@ -8,6 +8,7 @@
 
 use super::device::Cia402;
 use crate::rig::can::canopen::{CanopenError, Link, Object};
+use crate::rig::can::fault::CanFault;
 use crate::rig::can::limits::HandleLimits;
 
 /// The target torque, thousandths of the rated torque. Modes of operation with positions have no use for it, it is no setting that a drive
@@ -38,6 +39,15 @@ impl Cia402 {
             Err(CanopenError::SdoAborted { .. }) => Ok(None),
             Err(error) => Err(error),
         }
+    }
+
+    /// Nothing that was written at this arming may be trusted after a restart: watchdogs and reactions are not read again.
+    ///
+    /// # Errors
+    /// [`CanopenError::Rebooted`]
+    pub(super) fn check_not_restarted(&self, link: &Link) -> Result<(), CanFault> {
+        let node = self.motor.node;
+        if link.has_booted(node) { Err(CanopenError::Rebooted { node }.into()) } else { Ok(()) }
     }
 
     /// Whether the drive shows that it was restarted since it was armed with `limits`. `is_marked` says that it had the mark then.

@@ -25,7 +25,7 @@ struct DriveNumber {
 /// Every number of `motor` and `limits` that its object in the drive cannot hold: the field, what was expected, and what to do.
 pub fn unholdable(motor: &Cia402Motor, limits: &RigLimits) -> Vec<(&'static str, String, &'static str)> {
     let gearing = Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm);
-    let numbers = limit_numbers(&gearing, limits).into_iter().chain(motor_numbers(&gearing, motor));
+    let numbers = limit_numbers(&gearing, limits).into_iter().chain(motor_numbers(&gearing, motor, limits));
     numbers
         .filter(|number| !(number.smallest..=number.largest).contains(&number.value.abs()))
         .map(|DriveNumber { field, object, value, smallest, largest }| {
@@ -54,8 +54,9 @@ fn limit_numbers(gearing: &Gearing, limits: &RigLimits) -> Vec<DriveNumber> {
     ]
 }
 
-fn motor_numbers(gearing: &Gearing, motor: &Cia402Motor) -> Vec<DriveNumber> {
+fn motor_numbers(gearing: &Gearing, motor: &Cia402Motor, limits: &RigLimits) -> Vec<DriveNumber> {
     let homing = &motor.homing;
+    let homed = gearing.with_home(JointAngle(homing.offset_rad));
     let number = |field, object, rad, smallest| DriveNumber {
         field,
         object,
@@ -63,6 +64,9 @@ fn motor_numbers(gearing: &Gearing, motor: &Cia402Motor) -> Vec<DriveNumber> {
         smallest,
         largest: f64::from(u32::MAX),
     };
+    // The limits are counted from home. Without an offset their own fields tell what does not fit.
+    let ends = limits.angle_rad.map(|rad| homed.unbounded_counts(JointAngle(rad)).abs());
+    let furthest = if homing.offset_rad == 0.0 { 0.0 } else { ends[0].max(ends[1]) };
     // A method that takes the present position does not use them.
     let used = if homing.takes_present_position() { 0.0 } else { 1.0 };
     vec![
@@ -72,8 +76,8 @@ fn motor_numbers(gearing: &Gearing, motor: &Cia402Motor) -> Vec<DriveNumber> {
         number("motor.homing.acceleration_rad_s2", "609Ah", homing.acceleration_rad_s2, used),
         DriveNumber {
             field: "motor.homing.offset_rad",
-            object: "607Ch",
-            value: gearing.unbounded_counts(JointAngle(homing.offset_rad)),
+            object: "607Dh and 607Ah",
+            value: furthest,
             smallest: 0.0,
             largest: f64::from(i32::MAX),
         },

@@ -25,6 +25,10 @@ pub struct Cia402Motor {
     pub identity: Identity,
     /// Encoder counts of 6064h in one turn of the motor.
     pub counts_per_revolution: u32,
+    /// To be `true` for a drive without 608Fh: the handle was turned by a known angle, and 6064h changed as `counts_per_revolution` and
+    /// `gear_ratio` say.
+    #[serde(default)]
+    pub counts_checked_by_hand: bool,
     /// Turns of the motor for one of the handle; negative when they turn opposite ways.
     pub gear_ratio: f64,
     /// Rated torque of the motor (6076h), N m.
@@ -65,7 +69,7 @@ pub struct Homing {
     pub slow_rad_s: f64,
     /// 609Ah, rad/s2 at the handle.
     pub acceleration_rad_s2: f64,
-    /// Angle of the handle where home is found, from the start position, rad (607Ch).
+    /// Angle of the handle where home is found, from the start position, rad. The program adds it; 607Ch of the drive is 0.
     pub offset_rad: f64,
     /// How long it may take, s.
     pub timeout_s: f64,

@@ -212,7 +212,7 @@ impl Drive for Mit {
         self.origin
     }
 
-    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+    fn power_off(&mut self, link: &mut Link) -> Result<Option<CanFault>, CanFault> {
         self.probe = None;
         for _ in 0..MIT_ATTEMPTS {
             self.in_motor_mode = true;
@@ -222,7 +222,8 @@ impl Drive for Mit {
             while let Some(frame) = link.receive(deadline)? {
                 // Whatever it says of its position: it has heard.
                 if frame.id == self.motor.reply_id && frame.data().first() == Some(&(self.motor.id as u8)) {
-                    return Ok(self.sensors.release(link)?);
+                    self.sensors.release(link)?;
+                    return Ok(None);
                 }
             }
         }

@@ -83,6 +83,49 @@ fn a_drive_that_clears_its_target_torque_by_itself_is_armed_again_as_before() {
     motor.arm(ArmingConsent::given(), &bench.protocol.limits).map_err(|(_, fault)| fault).unwrap();
 }
 
+/// Arming went on without a watchdog: the boot-up message was heard, and nobody looked.
+#[test]
+fn a_drive_that_restarts_while_it_is_configured_gets_no_power() {
+    for index in [0x607D, 0x6098, 0x60C2, 0x6060] {
+        let bench = Bench::new(MotorKind::Cia402);
+        bench.strike(B::RebootWhenWritten(index));
+        let (motor, fault) = bench.motor().arm(ArmingConsent::given(), &bench.protocol.limits).unwrap_err();
+        assert_eq!(fault.code(), "rebooted", "{index:04X}h: {fault}");
+        assert!(!bench.bus.world().power.iter().any(|(_, powered)| *powered), "{index:04X}h: it had power");
+        // Configured anew, it can be used: it had no origin to lose.
+        let again = motor.arm(ArmingConsent::given(), &bench.protocol.limits).map_err(|(_, fault)| fault);
+        assert!(again.is_ok(), "{index:04X}h: {again:?}");
+    }
+}
+
+/// After its restart such a drive passed for one with its origin.
+#[test]
+fn a_drive_without_a_mark_is_armed_again_at_the_start_position_only() {
+    let bench = Bench::new(MotorKind::Cia402);
+    bench.strike(B::Aborted(0x6071, NO_SUCH_OBJECT));
+    let mut armed = bench.arm().unwrap();
+    for step in 0..200 {
+        armed.exchange(&follow(0.03 * f64::from(step) / 200.0)).unwrap();
+    }
+    let motor = armed.disarm();
+    assert!(motor.rearms_at_start(), "the operator is asked where the handle is");
+    let (_, fault) = motor.arm(ArmingConsent::given(), &bench.protocol.limits).unwrap_err();
+    assert_eq!(fault.code(), "origin_not_confirmed", "{fault}");
+}
+
+/// It kept its limits through a restart that nobody heard, and the session went on 0.05 rad beside its start position.
+#[test]
+fn a_drive_without_a_mark_does_not_pass_for_one_that_kept_its_origin() {
+    let bench = Bench::new(MotorKind::Cia402);
+    bench.strike(B::Aborted(0x6071, NO_SUCH_OBJECT));
+    let _ = bench.arm().unwrap().disarm();
+    bench.strike(B::RebootWithSettings);
+    let later = bench.clock.now() + Duration::from_secs(1);
+    bench.bus.world().run_until(later);
+    let resumed = bench.motor().resume_origin(true, false);
+    assert!(matches!(resumed, Err(OriginError::WordNeeded { was_restarted: false })), "{resumed:?}");
+}
+
 #[test]
 fn no_power_is_given_before_position_and_torque_were_seen() {
     for (fault, code, words) in [

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::bench::{Bench, MotorKind, Outcome};
+use super::bench::{Bench, MotorKind, Outcome, follow};
 use super::world::BenchFault;
+use crate::rig::Armed;
 
 /// In the middle of the ramp the drive begins to disobey, and the subject's torque goes beyond its limit.
 fn disobeys_in_ramp(fault: BenchFault) -> Outcome {
@@ -57,6 +58,37 @@ fn drive_that_obeys_nothing_but_is_asked_over_sdo_alone_is_left_to_its_watchdog_
     assert!(!outcome.has_power && after <= Duration::from_millis(400), "{after:?}: {:?}", outcome.recorded);
 }
 
+/// The session ended without a trace of it.
+#[test]
+fn drive_that_keeps_its_power_at_the_end_of_a_session_is_recorded() {
+    let bench = Bench::new(MotorKind::Cia402);
+    let armed = bench.arm().unwrap();
+    bench.strike(BenchFault::ControlwordIgnored);
+    let recorded = armed.disarm().summary().faults;
+    assert!(!bench.bus.world().power.last().unwrap().1, "it has power: {recorded:?}");
+    assert!(recorded.iter().any(|fault| fault.contains("kept its power for 100 ms")), "{recorded:?}");
+    let bench = Bench::new(MotorKind::Cia402);
+    let recorded = bench.arm().unwrap().disarm().summary().faults;
+    assert!(recorded.is_empty(), "a drive that obeys: {recorded:?}");
+}
+
+/// It went on as if the drive followed: the vendor's tool moved the handle.
+#[test]
+fn drive_under_local_control_is_a_fault_unless_it_never_shows_remote() {
+    let bench = Bench::new(MotorKind::Cia402);
+    let outcome = bench.strike_while_held(BenchFault::LocalControl);
+    let recorded = outcome.recorded.join("; ");
+    assert_eq!(outcome.fault.code(), "local_control", "{recorded}");
+    assert!(outcome.fault.to_string().contains("under local control"), "{}", outcome.fault);
+    assert!(!outcome.has_power && !outcome.power_came_back, "{recorded}");
+    let bench = Bench::new(MotorKind::Cia402);
+    bench.strike(BenchFault::RemoteNeverShown);
+    let mut armed = bench.arm().unwrap();
+    for _ in 0..100 {
+        armed.exchange(&follow(0.0)).unwrap();
+    }
+}
+
 fn homing_fault(method: i8, fault: BenchFault) -> (String, Bench) {
     let bench = Bench::with(MotorKind::Cia402, |rig| rig["motor"]["homing"]["method"] = json!(method));
     bench.strike(fault);
@@ -75,6 +107,27 @@ fn homing_at_the_present_position_that_moves_the_motor_is_a_fault_within_a_few_m
             assert!((0.005..0.008).contains(&moved_rad), "{moved_rad}");
         }
     }
+}
+
+/// It went on until the timeout, through the handle's end stops.
+#[test]
+fn search_for_home_that_goes_further_than_the_limits_are_apart_is_a_fault() {
+    let bench = |rad_s: f64| {
+        let bench = Bench::with(MotorKind::Cia402, |rig| {
+            rig["motor"]["homing"]["method"] = json!(34);
+            rig["motor"]["homing"]["fast_rad_s"] = json!(2.0);
+            rig["motor"]["homing"]["acceleration_rad_s2"] = json!(1000);
+        });
+        bench.strike(BenchFault::HomingMoves(rad_s));
+        bench
+    };
+    for rad_s in [2.0, -2.0] {
+        let bench = bench(rad_s);
+        let fault = bench.arm_and_watch().unwrap_err();
+        assert_eq!(fault.code(), "homing_too_far", "{fault}");
+        assert!(!bench.bus.world().power.last().unwrap().1, "{fault}");
+    }
+    bench(0.5).arm_and_watch().unwrap();
 }
 
 #[test]

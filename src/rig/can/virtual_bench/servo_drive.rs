@@ -126,8 +126,8 @@ impl EmulatedServoDrive {
 
     fn obey(&mut self, word: u16, wire: &Wire) {
         let is_quick_stop = word & 0x06 == 0x02;
-        if wire.has(BenchFault::ControlwordIgnored) || is_quick_stop && wire.has(BenchFault::QuickStopIgnored)
-        {
+        let is_deaf = wire.has(BenchFault::ControlwordIgnored) || wire.has(BenchFault::LocalControl);
+        if is_deaf || is_quick_stop && wire.has(BenchFault::QuickStopIgnored) {
             return;
         }
         let before = std::mem::replace(&mut self.controlword, word);
@@ -164,7 +164,8 @@ impl EmulatedServoDrive {
             BenchFault::HomingMisplaced(rad) => Some(*rad),
             _ => None,
         });
-        let offset_rad = f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD + misplaced.unwrap_or(0.0);
+        // CiA 402: zero position = home position + home offset.
+        let offset_rad = misplaced.unwrap_or(0.0) - f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD;
         (self.origin_rad, self.homed, self.homing) = (self.shaft_rad - offset_rad, true, None);
     }
 
@@ -274,6 +275,9 @@ impl EmulatedServoDrive {
         }
         self.last_torque = torque;
         let mut told = (self.statusword(), self.counts());
+        if wire.has(BenchFault::LocalControl) || wire.has(BenchFault::RemoteNeverShown) {
+            told.0 &= !0x0200;
+        }
         if wire.has(BenchFault::PositionFreeze) {
             told = *self.frozen.get_or_insert(told);
         }
@@ -328,8 +332,16 @@ impl Device for EmulatedServoDrive {
             id if id == RPDO + self.node.id => self.staged = Some(frame.data().to_vec()),
             0x701 => self.heard = Some(now),
             _ => {
-                if self.node.receive(frame, now, wire) == Some((0x6040, 0)) {
+                let written = self.node.receive(frame, now, wire);
+                if written == Some((0x6040, 0)) {
                     self.obey(self.node.number(0x6040, 0) as u16, wire);
+                }
+                if let Some((index, _)) = written
+                    && wire.has(BenchFault::RebootWhenWritten(index))
+                {
+                    wire.faults.retain(|fault| *fault != BenchFault::RebootWhenWritten(index));
+                    self.node.objects.remove(&(0x1016, 1));
+                    self.strike(BenchFault::RebootWithSettings, now, wire);
                 }
             }
         }

@@ -255,17 +255,51 @@ const NO_SUCH_OBJECT: u32 = 0x0602_0000;
 
 #[test]
 fn a_drive_without_an_optional_object_is_armed_and_one_without_a_guard_is_not() {
-    for index in [0x1029, 0x605A, 0x605E, 0x6065, 0x6066, 0x607C, 0x6080, 0x608F, 0x6099, 0x609A] {
+    for index in [0x1029, 0x605A, 0x605E, 0x6065, 0x6066, 0x607C, 0x6080, 0x6099, 0x609A] {
         let bench = Bench::new(MotorKind::Cia402);
         bench.strike(B::Aborted(index, NO_SUCH_OBJECT));
         bench.arm().unwrap_or_else(|fault| panic!("{index:04X}h: {fault}"));
     }
-    for index in [0x1016, 0x1017, 0x6007, 0x6072, 0x6076, 0x607D, 0x6085, 0x6098, 0x60C2] {
+    for index in [0x1016, 0x1017, 0x6007, 0x6072, 0x6076, 0x607D, 0x6085, 0x608F, 0x6098, 0x60C2] {
         let bench = Bench::new(MotorKind::Cia402);
         bench.strike(B::Aborted(index, NO_SUCH_OBJECT));
         let refused = bench.arm().unwrap_err();
         assert_eq!(refused.code(), "object_missing", "{index:04X}h: {refused}");
         assert!(bench.bus.world().power.is_empty(), "{index:04X}h: it had power");
+    }
+}
+
+/// A wrong number of counts is the same factor in targets and positions: no motion shows it, and no limit holds.
+#[test]
+fn a_drive_that_does_not_tell_its_counts_is_armed_only_if_they_were_checked_by_hand() {
+    let bench = |is_checked: bool| {
+        let bench = Bench::with(MotorKind::Cia402, |rig| {
+            rig["motor"]["counts_checked_by_hand"] = json!(is_checked);
+        });
+        bench.strike(B::Aborted(0x608F, NO_SUCH_OBJECT));
+        bench.arm()
+    };
+    let refused = bench(false).unwrap_err();
+    assert!(refused.to_string().contains("set motor.counts_checked_by_hand to true"), "{refused}");
+    bench(true).unwrap();
+}
+
+/// By the standard the origin is home plus the offset, by some drives home minus it: the start position was twice the offset beside.
+#[test]
+fn the_start_position_does_not_depend_on_what_the_drive_means_by_its_home_offset() {
+    for method in [37, 34] {
+        for offset_rad in [0.15, -0.04] {
+            let bench = Bench::with(MotorKind::Cia402, |rig| {
+                rig["motor"]["homing"]["offset_rad"] = json!(offset_rad);
+                rig["motor"]["homing"]["method"] = json!(method);
+            });
+            // What somebody set before.
+            bench.strike(B::Held(0x607C, 5000));
+            bench.arm().unwrap_or_else(|fault| panic!("{method}, {offset_rad}: {fault}"));
+            // It counts from home, which the program has at the offset.
+            let at_rad = bench.bus.world().devices[0].motor().unwrap().1;
+            assert!((at_rad + offset_rad).abs() < 1e-3, "{method}, {offset_rad}: {at_rad}");
+        }
     }
 }
 
@@ -360,8 +394,8 @@ fn a_motor_on_its_own_way_to_the_start_is_supervised() {
         (B::HeartbeatStop, "heartbeat_lost"),
     ] {
         let bench = Bench::with(MotorKind::Cia402, |rig| rig["motor"]["homing"]["offset_rad"] = json!(0.15));
-        // The handle is at 0.15 rad when its home is found; the fault strikes on its way to 0.
-        bench.bus.world().strike_below_rad = Some((0.14, fault));
+        // The drive counts from home, where the handle is at 0.15 rad; the fault strikes on its way to the start position.
+        bench.bus.world().strike_below_rad = Some((-0.01, fault));
         let refused = bench.arm().unwrap_err();
         assert_eq!(refused.code(), code, "{fault:?}: {refused}");
         assert!(!bench.bus.world().power.last().unwrap().1, "{fault:?}: it has power");

@@ -26,6 +26,8 @@ pub enum BenchFault {
     Reboot,
     /// The motor restarts, and has its settings in a memory that keeps them.
     RebootWithSettings,
+    /// The motor restarts with its settings once this object was written; what its watchdogs were told is gone.
+    RebootWhenWritten(u16),
     /// An object held this value when the program came.
     Held(u16, i32),
     /// The motor loses its supply: no power, no frames.
@@ -84,6 +86,10 @@ pub enum BenchFault {
     HomingMisplaced(f64),
     /// The drive goes on as if it had got no controlword.
     ControlwordIgnored,
+    /// Somebody commands the drive with another tool: it says so, and minds no controlword.
+    LocalControl,
+    /// The drive never says whether it minds its controlword.
+    RemoteNeverShown,
     /// The drive goes on as if it had not been told to make a quick stop.
     QuickStopIgnored,
     /// The drive says that it makes a quick stop, and goes on at its speed.
