@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::dataset::{RIG_CALIBRATION, RigCalibration, open_session, sha256};
+use crate::dataset::{RIG_CALIBRATION, RigCalibration, open_session, sha256, utc_seconds};
 use crate::diagnose::RigKnowledge;
 use crate::files::{self, limits};
 use crate::fit::RigConstants;
@@ -10,9 +10,13 @@ use crate::wrist::Lever;
 
 use super::console::Console;
 use super::failure::Failure;
+use super::wall_clock::seconds_now;
 
 /// What stands for no calibration on the command line, though the session's folder has one.
 const NONE: &str = "none";
+
+/// Largest difference of the clocks of two computers that nobody needs to hear of, s.
+const CLOCKS_DIFFER_S: i64 = 3600;
 
 /// A calibration that was read.
 #[derive(Debug, Clone)]
@@ -91,7 +95,7 @@ impl UsedCalibration {
             .map_err(|source| Failure::Calibration { file: used.file.display().to_string(), source })
     }
 
-    /// Says which calibration was used.
+    /// Says which calibration was used, and what is doubtful about it.
     pub fn announce(&self, console: &Console) {
         let measured = self.calibration.measured_utc.as_deref().unwrap_or("at an unknown time");
         console.announce(format_args!(
@@ -99,5 +103,57 @@ impl UsedCalibration {
             self.file.display(),
             &self.sha256[..8]
         ));
+        self.warn(console);
+    }
+
+    /// Says what is doubtful about the calibration.
+    pub fn warn(&self, console: &Console) {
+        warn_of_calibration(&self.calibration, &self.file, console);
+    }
+}
+
+/// Says what is doubtful about the calibration in `file`.
+pub fn warn_of_calibration(calibration: &RigCalibration, file: &Path, console: &Console) {
+    for warning in warnings(calibration, seconds_now()) {
+        console.announce(format_args!("warning: {}: {warning}", file.display()));
+    }
+}
+
+/// What is doubtful about a calibration at a time, s since 1970. A load that contradicts the others is more than doubtful: no analysis
+/// takes such a calibration.
+fn warnings(calibration: &RigCalibration, now_s: i64) -> Vec<String> {
+    let mut found: Vec<String> = calibration.misfit_warning().into_iter().collect();
+    let times = [("made_utc", &calibration.made_utc), ("measured_utc", &calibration.measured_utc)];
+    for (field, time) in times {
+        let Some(text) = time else { continue };
+        if utc_seconds(text).is_some_and(|own_s| own_s > now_s + CLOCKS_DIFFER_S) {
+            found.push(format!(
+                "{field} is {text}, which is later than now by the clock of this computer; is the clock, or the one of the computer \
+                 that measured, right?"
+            ));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_calibration_from_the_future_or_with_a_misfit_is_doubtful() {
+        let mut own = RigCalibration::new("test".into(), "rig-day".into(), Vec::new(), Vec::new());
+        own.measured_utc = Some("2026-11-24T10:00:00Z".into());
+        let now_s = utc_seconds("2026-11-24T10:00:00Z").unwrap();
+        assert_eq!(warnings(&own, now_s), Vec::<String>::new());
+        let before = warnings(&own, now_s - 86_400);
+        assert!(
+            matches!(&before[..], [one] if one.contains("measured_utc is 2026-11-24T10:00:00Z, which is later"))
+        );
+        own.fit.p_value_of_misfit = Some(0.02);
+        assert!(warnings(&own, now_s).is_empty());
+        own.fit.p_value_of_misfit = Some(0.001);
+        let misfit = warnings(&own, now_s);
+        assert!(matches!(&misfit[..], [one] if one.contains("does not describe its rig trials (p = 0.001)")));
     }
 }

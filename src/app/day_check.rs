@@ -3,6 +3,7 @@
 
 use std::convert::Infallible;
 use std::fmt::Display;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -51,7 +52,7 @@ impl DayCheck {
     /// Waits for the outcome, if the comparison has begun.
     pub fn finish(&mut self) {
         if let Some(comparison) = self.comparison.take() {
-            // If the thread panicked, it has said so.
+            // If the comparison panicked, the thread has raised the alarm.
             let _ = comparison.join();
         }
     }
@@ -71,7 +72,7 @@ impl StepConsumer for DayCheck {
             let on_thread = tell.clone();
             let compared = thread::Builder::new().name("check of the day".to_owned()).spawn(move || {
                 lower_thread_priority();
-                on_thread(outcome(&folder, count, &calibration));
+                on_thread(or_not_compared(|| outcome(&folder, count, &calibration)));
             });
             match compared {
                 Ok(comparison) => self.comparison = Some(comparison),
@@ -92,6 +93,13 @@ fn outcome(folder: &Path, count: usize, calibration: &RigCalibration) -> Operato
         Ok(comparison) => notice(&comparison, calibration),
         Err(error) => not_compared(&error),
     }
+}
+
+/// The outcome of `compared`; of a comparison that panics, the alarm at once: somebody is about to sit down.
+fn or_not_compared(compared: impl FnOnce() -> OperatorNotice) -> OperatorNotice {
+    // What the comparison read and computed is lost with it.
+    panic::catch_unwind(AssertUnwindSafe(compared))
+        .unwrap_or_else(|_| not_compared(&"the comparison failed by a fault of the program"))
 }
 
 fn not_compared(reason: &dyn Display) -> OperatorNotice {
@@ -179,6 +187,15 @@ mod tests {
         let differs = told(vec![RigQuantity::LeverInertia], 1, 0.4);
         assert!(
             matches!(differs, OperatorNotice::Alarm(text) if text.contains("differ: lever_inertia_kg_m2"))
+        );
+    }
+
+    #[test]
+    fn a_comparison_that_panics_is_an_alarm() {
+        let failed = or_not_compared(|| panic!("a fault of the comparison"));
+        assert!(
+            matches!(&failed, OperatorNotice::Alarm(text) if text.contains("was not compared with its calibration")),
+            "{failed:?}"
         );
     }
 

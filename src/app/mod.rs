@@ -43,7 +43,7 @@ mod signals;
 mod wall_clock;
 
 pub use analysis::{AnalysedSession, AnalysisRequest, DiagnosedSession, FittedSession, with_window};
-pub use calibration::UsedCalibration;
+pub use calibration::{UsedCalibration, warn_of_calibration};
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};

@@ -174,6 +174,9 @@ impl SessionRequest<'_> {
         let calibration = self.calibration.map(UsedCalibration::given).transpose()?.flatten();
         // A calibration that no analysis can use is found before a trial is run.
         UsedCalibration::constants(calibration.as_ref(), lever)?;
+        if let Some(used) = &calibration {
+            used.warn(console);
+        }
         let signals = rig.recorded_signals(settings.sample_rate_hz);
         // Before the folder is made: without the library there is no session.
         let lsl = self.publish(&settings, &signals, &folder, console)?;

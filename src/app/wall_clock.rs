@@ -6,7 +6,7 @@ use crate::dataset::utc_text;
 
 /// The time of day in UTC, as `2026-11-24T15:00:00Z`.
 pub fn now_utc() -> String {
-    utc_text(seconds())
+    utc_text(seconds_now())
 }
 
 /// Name of the user at this computer, for judgements that name nobody else.
@@ -16,14 +16,14 @@ pub fn operator_name() -> String {
 }
 
 /// Seconds since 1970 in UTC.
-fn seconds() -> i64 {
+pub fn seconds_now() -> i64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() as i64)
 }
 
 /// How far local time is ahead of UTC now, s; `None` where the operating system does not say.
 #[cfg(target_os = "linux")]
 pub fn utc_offset_s() -> Option<i64> {
-    let now: libc::time_t = seconds();
+    let now: libc::time_t = seconds_now();
     // SAFETY: `tm` is plain data that the call fills in, and both pointers are valid during the call.
     let local = unsafe {
         let mut local: libc::tm = std::mem::zeroed();

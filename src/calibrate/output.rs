@@ -28,6 +28,7 @@ impl CalibrationOutcome {
             "residuals_by_load": residuals.collect::<Vec<_>>(),
             "stated_loads": loads.collect::<Vec<_>>(),
             "p_value_of_servo": self.misfit.servo_p_value,
+            "misfit_warning": self.calibration.misfit_warning(),
         })
     }
 }

@@ -3,7 +3,9 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, calibrate_rig, check_out, compare_rig, lock_results};
+use crate::app::{
+    Console, Failure, calibrate_rig, check_out, compare_rig, lock_results, warn_of_calibration,
+};
 use crate::calibrate::{CalibrationOutcome, RigComparison, RigVerdict, named_load};
 use crate::dataset::{Disk, Manifest, RIG_CALIBRATION, RigCalibration};
 use crate::files;
@@ -50,6 +52,9 @@ impl Verb for CalibrateArgs {
             }
         }
         let earlier = self.compare.as_deref().map(RigCalibration::read).transpose()?;
+        if let (Some(file), Some(earlier)) = (&self.compare, &earlier) {
+            warn_of_calibration(earlier, file, console);
+        }
         match earlier {
             Some(earlier) => self.compare_with(&earlier, console),
             None => self.calibrate(console),
@@ -74,6 +79,7 @@ impl CalibrateArgs {
         }
         let file = self.out.clone().unwrap_or_else(|| self.session.join(RIG_CALIBRATION));
         console.message(format_args!("written: {}", file.display()));
+        warn_of_calibration(&outcome.calibration, &file, console);
         if self.json {
             let text = serde_json::to_string_pretty(&outcome.to_json()).unwrap_or_default();
             writeln!(console.results(), "{text}")?;

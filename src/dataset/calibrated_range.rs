@@ -42,6 +42,7 @@ impl RigCalibration {
 #[cfg(test)]
 mod tests {
     use super::super::rig_calibration::{CalibratedQuantity, RigCalibration, RigQuantity};
+    use crate::dataset::NoiseSpectrum;
 
     /// A gain of 1.05 and a nonlinearity that weights of 1 N m left open; together they are known to a thousandth at 1 N m.
     fn of_small_weights() -> RigCalibration {
@@ -59,7 +60,10 @@ mod tests {
         });
         let [own, shared] = [0.0016, -0.0016 + 5e-7];
         let covariance = vec![vec![own, shared], vec![shared, own]];
-        RigCalibration::new("test".into(), "test".into(), quantities.to_vec(), covariance)
+        let mut own = RigCalibration::new("test".into(), "test".into(), quantities.to_vec(), covariance);
+        own.noise.torque_nm = 0.01;
+        own.noise.spectrum = NoiseSpectrum { frequency_hz: vec![2.0], power_nm2_per_hz: vec![1e-7] };
+        own
     }
 
     #[test]

@@ -15,9 +15,8 @@ use super::record_csv::{Digits, channels_csv};
 use super::rig_calibration::CalibrationSource;
 use super::rig_trial_csv_reader::{RigTrialSignals, check_rest, starts_at_zero};
 use super::rig_trial_row::{RigTrialCells, load_and_motion};
-use super::rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrials};
+use super::rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrials, check_started};
 use super::trial_csv_reader::check_times;
-use super::utc::utc_seconds;
 use super::{PROGRAM, SESSION_FORMAT, Status, tables};
 use crate::files::{excerpt, limits};
 use crate::wrist::Lever;
@@ -78,11 +77,7 @@ pub fn given_rig_trials(
     given: Vec<GivenRigTrial>,
 ) -> Result<RigTrials, DatasetError> {
     check_values(DESCRIPTION, sample_rate_hz, lever.as_ref(), None)?;
-    if let Some(text) = measured_utc.as_deref().filter(|text| utc_seconds(text).is_none()) {
-        let expected = "a time in UTC, such as 2026-11-24T15:00:00Z".to_owned();
-        let at = FilePlace::field(DESCRIPTION, "started_utc");
-        return Err(DatasetError::Value { at, found: excerpt(text).into_owned(), expected });
-    }
+    check_started(measured_utc.as_deref(), FilePlace::field(DESCRIPTION, "started_utc"))?;
     if given.len() > limits::MAX_SESSION_TRIALS {
         let at = FilePlace::file(DESCRIPTION);
         return Err(DatasetError::TooMany { at, what: "trials", limit: limits::MAX_SESSION_TRIALS });

@@ -351,6 +351,11 @@ impl RigCalibration {
         write().map_err(RecordError::at(file))
     }
 
+    /// Its times, by the name of the field.
+    pub(super) fn times(&self) -> [(&'static str, Option<&str>); 2] {
+        [("made_utc", self.made_utc.as_deref()), ("measured_utc", self.measured_utc.as_deref())]
+    }
+
     /// The bytes of the file.
     pub fn text(&self) -> Vec<u8> {
         pretty(self)

@@ -1,7 +1,11 @@
 //! What a rig calibration cannot be: names, values and a covariance that contradict each other.
 
-use super::rig_calibration::{CalibratedQuantity, RIG_CALIBRATION_FORMAT, RigCalibration, RigQuantity, told};
+use super::rig_calibration::{
+    CalibratedQuantity, CalibrationNoise, RIG_CALIBRATION_FORMAT, RigCalibration, RigQuantity, told,
+};
 use super::rig_calibration_range::check_possible;
+use super::utc::{A_UTC_TIME, utc_seconds};
+use crate::files::excerpt;
 
 /// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
 /// both standard errors: the digits that other programs print.
@@ -13,6 +17,11 @@ impl RigCalibration {
         let wrong = |field: &str, message: String| Err((field.to_owned(), message));
         if self.format != RIG_CALIBRATION_FORMAT {
             return wrong("format", format!("\"{}\"; expected \"{RIG_CALIBRATION_FORMAT}\"", self.format));
+        }
+        for (field, time) in self.times() {
+            if let Some(text) = time.filter(|text| utc_seconds(text).is_none()) {
+                return wrong(field, format!("\"{}\"; expected {A_UTC_TIME}", excerpt(text)));
+            }
         }
         let names: Vec<RigQuantity> = self.quantities.iter().map(|quantity| quantity.name).collect();
         if names != RigQuantity::ALL {
@@ -28,7 +37,12 @@ impl RigCalibration {
                 "expected the quantities that have a value, in their order".into(),
             );
         }
-        self.check_covariance()
+        self.check_covariance()?;
+        self.noise.check()?;
+        if let Some(p) = self.fit.p_value_of_misfit.filter(|p| !(0.0..=1.0).contains(p)) {
+            return wrong("fit.p_value_of_misfit", format!("{p}; expected a probability, 0 to 1"));
+        }
+        Ok(())
     }
 
     fn check_covariance(&self) -> Result<(), (String, String)> {
@@ -58,6 +72,45 @@ impl RigCalibration {
         if !is_positive_semidefinite(&self.covariance, &se) {
             let message = "no covariance: a combination of the quantities has a variance below zero";
             return wrong("covariance".into(), message);
+        }
+        Ok(())
+    }
+}
+
+impl CalibrationNoise {
+    /// The spectrum is that of a channel with noise: `calibrate` refuses one without.
+    fn check(&self) -> Result<(), (String, String)> {
+        let wrong = |field: &str, message: String| Err((format!("noise.{field}"), message));
+        let is_above_0 = |value: f64| value.is_finite() && value > 0.0;
+        if !is_above_0(self.torque_nm) {
+            return wrong("torque_nm", format!("{}; expected a number above 0", self.torque_nm));
+        }
+        let (frequencies, powers) = (&self.spectrum.frequency_hz, &self.spectrum.power_nm2_per_hz);
+        if frequencies.is_empty() {
+            return wrong("spectrum.frequency_hz", "expected at least one frequency".into());
+        }
+        if let Some(place) = frequencies.iter().position(|hz| !(hz.is_finite() && *hz >= 0.0)) {
+            let message = format!("{}; expected a number of 0 or above", frequencies[place]);
+            return wrong(&format!("spectrum.frequency_hz[{place}]"), message);
+        }
+        if let Some(place) = frequencies.windows(2).position(|pair| pair[0] >= pair[1]) {
+            let message = format!("{}; expected a frequency above the one before it", frequencies[place + 1]);
+            return wrong(&format!("spectrum.frequency_hz[{}]", place + 1), message);
+        }
+        if powers.len() != frequencies.len() {
+            let message = format!(
+                "{} numbers; expected {}, one for each number of frequency_hz",
+                powers.len(),
+                frequencies.len()
+            );
+            return wrong("spectrum.power_nm2_per_hz", message);
+        }
+        if let Some(place) = powers.iter().position(|power| !(power.is_finite() && *power >= 0.0)) {
+            let message = format!("{}; expected a number of 0 or above", powers[place]);
+            return wrong(&format!("spectrum.power_nm2_per_hz[{place}]"), message);
+        }
+        if !powers.iter().any(|power| *power > 0.0) {
+            return wrong("spectrum.power_nm2_per_hz", "all are 0; expected the power of the noise".into());
         }
         Ok(())
     }
@@ -119,6 +172,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::dataset::NoiseSpectrum;
     use crate::wrist::Lever;
 
     fn calibration() -> RigCalibration {
@@ -138,12 +192,21 @@ mod tests {
             }
         };
         let covariance = vec![vec![1e-10, -1e-8], vec![-1e-8, 4e-6]];
-        RigCalibration::new(
+        let mut own = RigCalibration::new(
             "ramphold".into(),
             "S01".into(),
             RigQuantity::ALL.map(quantity).to_vec(),
             covariance,
-        )
+        );
+        own.noise = CalibrationNoise {
+            torque_nm: 0.01,
+            spectrum: NoiseSpectrum {
+                frequency_hz: vec![2.0, 3.0, 5.0],
+                power_nm2_per_hz: vec![2e-7, 1e-7, 0.0],
+            },
+        };
+        own.measured_utc = Some("2026-11-24T10:00:00Z".into());
+        own
     }
 
     fn refusal(change: impl FnOnce(&mut RigCalibration)) -> String {
@@ -194,6 +257,54 @@ mod tests {
                 refusal(|c| (c.covariance[0][1], c.covariance[1][0]) = (1.0, 1.0)),
                 "field covariance[0][1]: expected at most",
             ),
+        ];
+        for (message, expected) in wrong {
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_noise_that_no_channel_has_is_refused_with_the_field() {
+        let noise = |change: fn(&mut CalibrationNoise)| refusal(|c| change(&mut c.noise));
+        let wrong = [
+            (noise(|n| n.torque_nm = 0.0), "field noise.torque_nm: 0; expected a number above 0"),
+            (noise(|n| n.torque_nm = -1.0), "field noise.torque_nm: -1"),
+            (
+                noise(|n| *n = CalibrationNoise { torque_nm: 0.01, ..Default::default() }),
+                "at least one frequency",
+            ),
+            (
+                noise(|n| n.spectrum.power_nm2_per_hz.truncate(1)),
+                "field noise.spectrum.power_nm2_per_hz: 1 numbers; expected 3",
+            ),
+            (noise(|n| n.spectrum.power_nm2_per_hz.push(1.0)), "4 numbers; expected 3"),
+            (
+                noise(|n| n.spectrum.power_nm2_per_hz[1] = -1e-7),
+                "field noise.spectrum.power_nm2_per_hz[1]: -0.0000001; expected",
+            ),
+            (noise(|n| n.spectrum.power_nm2_per_hz.fill(0.0)), "all are 0"),
+            (
+                noise(|n| n.spectrum.frequency_hz.reverse()),
+                "field noise.spectrum.frequency_hz[1]: 3; expected a frequency above",
+            ),
+            (noise(|n| n.spectrum.frequency_hz[1] = 2.0), "field noise.spectrum.frequency_hz[1]: 2"),
+            (noise(|n| n.spectrum.frequency_hz[0] = -2.0), "field noise.spectrum.frequency_hz[0]: -2"),
+        ];
+        for (message, expected) in wrong {
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_probability_above_1_and_a_time_that_is_none_are_refused_with_the_field() {
+        let wrong = [
+            (refusal(|c| c.fit.p_value_of_misfit = Some(7.0)), "field fit.p_value_of_misfit: 7; expected"),
+            (refusal(|c| c.fit.p_value_of_misfit = Some(-3.0)), "field fit.p_value_of_misfit: -3"),
+            (
+                refusal(|c| c.measured_utc = Some("yesterday".into())),
+                "field measured_utc: \"yesterday\"; expected a time in UTC, such as 2026-11-24T15:00:00Z",
+            ),
+            (refusal(|c| c.made_utc = Some("2026-13-24T10:00:00Z".into())), "field made_utc: \"2026-13"),
         ];
         for (message, expected) in wrong {
             assert!(message.contains(expected), "{message}");

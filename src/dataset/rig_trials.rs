@@ -13,6 +13,7 @@ use super::rig_calibration::CalibrationSource;
 use super::rig_trial_csv_reader::{RigTrialSignals, parse_rig_record};
 use super::rig_trial_row::{COLUMNS_OF_SOME, RigTrialMotion, load_and_motion};
 use super::session_about::SessionCard;
+use super::utc::{A_UTC_TIME, utc_seconds};
 use crate::files::{excerpt, limits};
 use crate::protocol::RigLoad;
 use crate::session::Status;
@@ -64,6 +65,10 @@ pub fn load_rig_trials(folder: &Path) -> Result<RigTrials, DatasetError> {
     let card = SessionCard::read(folder)?;
     let folder = SessionFolder::open(folder)?;
     let about = read_description(&folder)?;
+    check_started(
+        card.about.started_utc.as_deref(),
+        FilePlace::field(folder.name("session.json"), "started_utc"),
+    )?;
     let text = folder.text(RIG_TRIALS_TABLE, limits::TABLE_BYTES, None)?;
     let rows = read_table(&folder, &text)?;
     check_total_size(&folder, rows.iter().map(|row| (row.trial.file.as_str(), &row.file_at)))?;
@@ -85,6 +90,18 @@ pub fn load_rig_trials(folder: &Path) -> Result<RigTrials, DatasetError> {
         trials,
         sources,
     })
+}
+
+/// Refuses a time of the measurement that is none: the calibration would have it.
+pub(super) fn check_started(started_utc: Option<&str>, at: FilePlace) -> Result<(), DatasetError> {
+    match started_utc.filter(|text| utc_seconds(text).is_none()) {
+        Some(text) => Err(DatasetError::Value {
+            at,
+            found: excerpt(text).into_owned(),
+            expected: A_UTC_TIME.to_owned(),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// A row of the table, whose record is still to be read.
@@ -223,6 +240,16 @@ mod tests {
         change(&mut rows);
         let folder = session(&rows);
         load_rig_trials(folder.path()).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn rig_trials_of_a_time_that_is_none_are_refused() {
+        let folder = session(&rows());
+        let file = folder.path().join("session.json");
+        let about = fs::read_to_string(&file).unwrap().replace("2026-11-24T10:00:00Z", "yesterday");
+        fs::write(file, about).unwrap();
+        let message = load_rig_trials(folder.path()).expect_err("must be refused").to_string();
+        assert!(message.contains("started_utc") && message.contains("a time in UTC"), "{message}");
     }
 
     #[test]

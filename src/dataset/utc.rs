@@ -6,6 +6,9 @@ const DAY_S: i64 = 86_400;
 /// Days from 0000-03-01 to 1970-01-01.
 const DAYS_TO_1970: i64 = 719_468;
 
+/// What such a text is, for messages.
+pub(super) const A_UTC_TIME: &str = "a time in UTC, such as 2026-11-24T15:00:00Z";
+
 /// A time given in seconds since 1970, as text.
 pub fn utc_text(seconds: i64) -> String {
     let (year, month, day) = date(seconds.div_euclid(DAY_S));
@@ -26,10 +29,16 @@ pub fn utc_seconds(text: &str) -> Option<i64> {
 /// Days since 1970 of a text that begins with a date, in the Gregorian calendar.
 pub fn utc_day(text: &str) -> Option<i64> {
     let [year, month, day] = numbers(text.get(..10)?, '-')?;
+    let stated = (year, month, day);
+    if !((1..=12).contains(&month) && (1..=31).contains(&day)) {
+        return None;
+    }
     // Years that begin in March end with the leap day.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    Some(365 * year + leap_days + (153 * month + 2) / 5 + day - 1 - DAYS_TO_1970)
+    let since_1970 = 365 * year + leap_days + (153 * month + 2) / 5 + day - 1 - DAYS_TO_1970;
+    // A day that its month does not have is one of the next month.
+    (date(since_1970) == stated).then_some(since_1970)
 }
 
 fn numbers(text: &str, separator: char) -> Option<[i64; 3]> {
@@ -68,9 +77,17 @@ mod tests {
             assert_eq!(utc_text(seconds), text);
             assert_eq!(utc_seconds(text), Some(seconds));
         }
-        for wrong in
-            ["", "yesterday", "2026-11-24", "2026-11-24T14:57:19", "2026-11-24T25:00:00Z", "2026-11-24T1:2Z"]
-        {
+        for wrong in [
+            "",
+            "yesterday",
+            "2026-11-24",
+            "2026-11-24T14:57:19",
+            "2026-11-24T25:00:00Z",
+            "2026-11-24T1:2Z",
+            "2026-13-24T14:57:19Z",
+            "2026-02-29T14:57:19Z",
+            "2026-11-00T14:57:19Z",
+        ] {
             assert_eq!(utc_seconds(wrong), None, "{wrong}");
         }
     }

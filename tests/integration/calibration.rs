@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use ramphold::dataset::{CalibratedQuantity, Disk, RigCalibration, RigQuantity};
+use ramphold::dataset::{
+    CalibratedQuantity, CalibrationNoise, Disk, NoiseSpectrum, RigCalibration, RigQuantity,
+};
 use serde_json::{Value, json};
 
 use crate::workspace::{QUICK, Workspace};
@@ -36,6 +38,10 @@ fn calibration(different: &[(RigQuantity, f64)]) -> RigCalibration {
     let covariance = (0..variances.len()).map(row).collect();
     let mut own = RigCalibration::new("ramphold".into(), "rig-day".into(), quantities, covariance);
     own.measured_utc = Some("2026-11-20T10:00:00Z".into());
+    own.noise = CalibrationNoise {
+        torque_nm: 0.01,
+        spectrum: NoiseSpectrum { frequency_hz: vec![2.0, 500.0], power_nm2_per_hz: vec![2e-7, 2e-7] },
+    };
     own
 }
 

@@ -2,7 +2,7 @@
 
 use super::ReportSection;
 use super::values::{NO_FIT, value};
-use crate::dataset::RigQuantity;
+use crate::dataset::{RigQuantity, is_doubtful_misfit};
 use crate::fit::RigConstants;
 use crate::report::fitted::{Fitted, FittedTrial, Values, estimated};
 use crate::report::input::ReportInput;
@@ -65,17 +65,14 @@ fn measured(section: &mut ReportSection, input: &ReportInput, calibration: &Cali
         "The constants of the rig were measured in the rig trials of {}, {when}: {age}. The fit uses the measured values.",
         calibration.session
     ));
-    if let Some(p) = calibration.p_value_of_misfit.filter(|p| *p < DOUBTFUL_P) {
+    if let Some(p) = calibration.p_value_of_misfit.filter(|p| is_doubtful_misfit(*p)) {
         section.html += "<p class=\"verdict\"><b>The calibration does not describe its own rig trials.</b> ";
         section.html += &format!(
-            "Residuals as large as theirs have a probability of {} if the rig's model is right: its errors are larger than stated.</p>",
+            "Residuals as large as theirs are improbable if the rig's model is right (p {}): its errors are larger than stated.</p>",
             p_value(p)
         );
     }
 }
-
-/// Level below which a calibration is said not to describe its trials: one in a hundred sound ones has such a remark.
-const DOUBTFUL_P: f64 = 0.01;
 
 /// A change below this is numerical, %.
 const NEGLIGIBLE_PERCENT: f64 = 1e-6;
