@@ -64,8 +64,14 @@ pub fn contradictions(rig: &PreparedRig, lever: Option<Lever>) -> Vec<RigContrad
     if lever.is_some() {
         let stated = RigCoordinates::new(lever, rig.largest_nm, Vec::new());
         let constants = stated.constants(&vec![0.0; stated.count()]);
+        let handle = |load: RigLoad| stated.at_handle(&constants, load);
         let mistake = |trial: &PreparedTrial| {
-            torque_mistake(rig, &constants, stated.at_handle(&constants, trial.load), trial)
+            // A channel has one sign in all trials.
+            let sign_is_right = || {
+                let mut others = moving().filter(|other| other.load != trial.load);
+                others.any(|other| torque_ratio(rig, &constants, handle(other.load), other).value > 0.0)
+            };
+            torque_mistake(rig, &constants, handle(trial.load), trial, sign_is_right)
         };
         found.extend(grouped(moving().filter_map(mistake)));
     }
@@ -128,12 +134,12 @@ fn of_motion(trial: &PreparedTrial, ratio: f64, mistake: Option<&str>) -> RigCon
 }
 
 /// The torque against what the stated lever and load make of the recorded motion, by their products with what they make of the target.
-fn torque_mistake(
+fn torque_ratio(
     rig: &PreparedRig,
     stated: &FittedConstants,
     handle: AtHandle,
     trial: &PreparedTrial,
-) -> Option<RigContradiction> {
+) -> RecordedOverExpected {
     let (mut recorded, mut expected, mut noise) = (0.0, 0.0, 0.0);
     for place in up_to(trial, SLOW_HZ) {
         let response = lever_response(stated, handle, trial.fourier.omega(place));
@@ -143,20 +149,52 @@ fn torque_mistake(
         noise +=
             instrument.norm_sqr() * trial.variance(rig.noise.torque.at(trial.fourier.frequency_hz(place)));
     }
-    let ratio = RecordedOverExpected { value: recorded / expected, sd: libm::sqrt(noise) / expected.abs() };
+    RecordedOverExpected { value: recorded / expected, sd: libm::sqrt(noise) / expected.abs() }
+}
+
+/// What is said of a trial whose torque the stated lever and load cannot make. `sign_is_right`: some trials with another load have the sign that is expected.
+fn torque_mistake(
+    rig: &PreparedRig,
+    stated: &FittedConstants,
+    handle: AtHandle,
+    trial: &PreparedTrial,
+    sign_is_right: impl FnOnce() -> bool,
+) -> Option<RigContradiction> {
+    let ratio = torque_ratio(rig, stated, handle, trial);
     // Inertia or stiffness of the lever, and a gain, may be off at once.
     let widest = WIDEST_FACTOR * WIDEST_FACTOR;
     if !ratio.is_beyond(widest) {
         return None;
     }
+    let with = |handle: AtHandle| torque_ratio(rig, stated, handle, trial).value;
     let mistake = match trial.load {
-        _ if is_like(-ratio.value, 1.0) => {
-            Some("Has torque_l_nm the sign of the torque that turns the handle with the angle?")
+        _ if is_like(-ratio.value, 1.0) && !sign_is_right() => {
+            Some("Has torque_l_nm the sign of the torque that turns the handle with the angle?".to_owned())
         }
-        _ if is_like(ratio.value, 1e3) => Some("Is torque_l_nm in mN m?"),
-        RigLoad::ClampedHandle if ratio.value < 1.0 => Some("Was the handle clamped?"),
-        RigLoad::KnownSpring { .. } if ratio.value < 1.0 => Some("Was the spring on?"),
-        RigLoad::EmptyHandle if ratio.value.abs() > widest => Some("Was the handle empty and free?"),
+        _ if is_like(ratio.value, 1e3) => Some("Is torque_l_nm in mN m?".to_owned()),
+        RigLoad::ClampedHandle if ratio.value < 1.0 => Some("Was the handle clamped?".to_owned()),
+        RigLoad::KnownSpring { .. } if is_like(with(AtHandle::default()), 1.0) => {
+            Some("Was the spring on?".to_owned())
+        }
+        RigLoad::KnownSpring { .. } => {
+            let in_si = |factor: f64| AtHandle {
+                stiffness_nm_per_rad: factor * handle.stiffness_nm_per_rad,
+                ..handle
+            };
+            likely_unit(&STIFFNESS_UNITS, |factor| with(in_si(factor)))
+                .map(|unit| format!("Is stiffness_nm_per_rad in {unit}?"))
+        }
+        RigLoad::KnownInertia { .. } if is_like(with(AtHandle::default()), 1.0) => {
+            Some("Was the bar on?".to_owned())
+        }
+        RigLoad::KnownInertia { .. } => {
+            let in_si = |factor: f64| AtHandle { inertia_kg_m2: factor * handle.inertia_kg_m2, ..handle };
+            likely_unit(&INERTIA_UNITS, |factor| with(in_si(factor)))
+                .map(|unit| format!("Is inertia_kg_m2 in {unit}?"))
+        }
+        RigLoad::EmptyHandle if ratio.value.abs() > widest => {
+            Some("Was the handle empty and free?".to_owned())
+        }
         _ => None,
     };
     Some(RigContradiction {
@@ -167,8 +205,29 @@ fn torque_mistake(
             significant(ratio.value),
             range(widest)
         ),
-        likely_mistake: mistake.map(str::to_owned),
+        likely_mistake: mistake,
     })
+}
+
+/// Other usual units of a stiffness, in N m/rad.
+const STIFFNESS_UNITS: [(&str, f64); 4] = [
+    ("N m/deg", 180.0 / std::f64::consts::PI),
+    ("N cm/rad", 1e-2),
+    ("N mm/rad", 1e-3),
+    ("N mm/deg", 0.18 / std::f64::consts::PI),
+];
+
+/// Other usual units of an inertia, in kg m2.
+const INERTIA_UNITS: [(&str, f64); 4] = [("g m2", 1e-3), ("kg cm2", 1e-4), ("kg mm2", 1e-6), ("g cm2", 1e-7)];
+
+/// The unit in which a stated value makes of the motion what was recorded; `ratio` is that of the torque with a factor on the value.
+fn likely_unit(units: &[(&'static str, f64)], ratio: impl Fn(f64) -> f64) -> Option<&'static str> {
+    let fitting = units.iter().map(|(unit, factor)| (*unit, ratio(*factor)));
+    let distance = |value: f64| libm::log(value).abs();
+    fitting
+        .filter(|(_, value)| is_like(*value, 1.0))
+        .min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))
+        .map(|(unit, _)| unit)
 }
 
 /// The mean torque of a trial with a weight, without that of the empty handle.
@@ -245,6 +304,7 @@ fn weight_mistake(own: &HungWeight, hung: &[HungWeight], all_turned: bool) -> Op
     let mistake = match factor {
         _ if is_like(factor, 1e-3) => "Is mass_kg in grams, or arm_m in millimetres?",
         _ if is_like(factor, 1e-2) => "Is arm_m in centimetres?",
+        _ if is_like(factor, 0.0254) => "Is arm_m in inches?",
         _ if is_like(factor, 1.0 / GRAVITY_M_S2) => "Is mass_kg the weight in newtons?",
         _ if is_like(factor, 1e3) => "Is torque_l_nm in mN m?",
         _ if factor < 0.1 => "Did the weight hang on the handle?",

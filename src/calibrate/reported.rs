@@ -265,30 +265,40 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
 
 /// What would tell a quantity.
 fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInput<'_>) -> String {
-    let has = |name: &str| input.trials.iter().any(|trial| trial.load.name() == name);
-    let stated = |name: &str| coordinates.loads.iter().any(|load: &RigLoad| load.name() == name);
-    let missing = match quantity {
-        RigQuantity::TorqueGain | RigQuantity::TorqueOffset if !stated("known_weight") => {
-            "a known_weight on both sides would tell it"
-        }
-        RigQuantity::AngleGain if !stated("known_inertia") && !stated("known_spring") => {
-            "a known_inertia or a known_spring, beside a known_weight, would tell it"
-        }
-        RigQuantity::LeverInertia if !stated("known_inertia") => "a known_inertia would tell it",
-        RigQuantity::LeverStiffness | RigQuantity::LeverDamping if !has("clamped_handle") => {
-            "a clamped_handle would tell it"
-        }
-        RigQuantity::TorqueNonlinearity => {
-            "known_weights of several masses up to the largest torque would tell it"
-        }
-        RigQuantity::TorqueGain | RigQuantity::LeverInertia | RigQuantity::AngleGain
-            if !stated("known_weight") =>
-        {
-            "a known_weight would tell it"
-        }
-        _ => "more repetitions, or a motion of more and higher frequencies, would tell it",
+    let is_measured = |name: &str| {
+        coordinates.loads.iter().any(|load: &RigLoad| load.name() == name)
+            || input.trials.iter().any(|trial| trial.load.name() == name)
     };
-    format!("these trials cannot tell it better than engineering allows; {missing}")
+    let missing = missing_loads(quantity, is_measured);
+    let wanted = match missing.as_slice() {
+        [] => "more repetitions, or a motion of more and higher frequencies,".to_owned(),
+        [one] => (*one).to_owned(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    };
+    format!("these trials cannot tell it better than engineering allows; {wanted} would tell it")
+}
+
+/// Loads that tell a quantity, together with all that it is known together with, and that the session lacks. The torque of a lever or a
+/// friction is recorded times the gain of the torque, and its motion times that of the angle.
+fn missing_loads(quantity: RigQuantity, is_measured: impl Fn(&str) -> bool) -> Vec<&'static str> {
+    let weight = (is_measured("known_weight"), "a known_weight on both sides");
+    let bar = (is_measured("known_inertia"), "a known_inertia");
+    let bar_or_spring =
+        (is_measured("known_inertia") || is_measured("known_spring"), "a known_inertia or a known_spring");
+    let clamp = (is_measured("clamped_handle"), "a clamped_handle");
+    let free = (is_measured("empty_handle"), "an empty_handle in motion");
+    let telling = match quantity {
+        RigQuantity::TorqueGain | RigQuantity::TorqueOffset => vec![weight],
+        RigQuantity::TorqueNonlinearity => {
+            return vec!["known_weights of several masses up to the largest torque"];
+        }
+        RigQuantity::AngleGain => vec![weight, bar_or_spring],
+        RigQuantity::LeverInertia => vec![weight, bar, free],
+        RigQuantity::LeverStiffness | RigQuantity::LeverDamping => vec![weight, bar_or_spring, clamp],
+        RigQuantity::BearingFriction => vec![weight, free],
+        RigQuantity::TorqueDelay | RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => Vec::new(),
+    };
+    telling.into_iter().filter(|(is_there, _)| !is_there).map(|(_, load)| load).collect()
 }
 
 #[cfg(test)]
@@ -304,6 +314,28 @@ mod tests {
         };
         assert_eq!(told([Told::Unknown, known(), Told::Unknown]), 0);
         assert_eq!(told([known(), known(), known()]), 3);
+    }
+
+    #[test]
+    fn the_loads_that_would_tell_a_quantity_tell_what_it_is_known_together_with() {
+        for (measured, quantity, expected) in [
+            (
+                "clamped_handle",
+                RigQuantity::LeverStiffness,
+                vec!["a known_weight on both sides", "a known_inertia or a known_spring"],
+            ),
+            ("empty_handle", RigQuantity::BearingFriction, vec!["a known_weight on both sides"]),
+            (
+                "clamped_handle",
+                RigQuantity::BearingFriction,
+                vec!["a known_weight on both sides", "an empty_handle in motion"],
+            ),
+            ("empty_handle known_weight known_inertia", RigQuantity::LeverDamping, vec!["a clamped_handle"]),
+            ("known_weight known_spring", RigQuantity::AngleGain, vec![]),
+        ] {
+            let is_measured = |name: &str| measured.split(' ').any(|own| own == name);
+            assert_eq!(missing_loads(quantity, is_measured), expected, "{measured}: {quantity:?}");
+        }
     }
 
     #[test]

@@ -82,6 +82,36 @@ fn units_and_signs_of_the_channels_that_cannot_be_right_are_refused() {
 }
 
 #[test]
+fn units_of_springs_and_bars_that_cannot_be_right_are_named() {
+    let springs = |factor: f64| {
+        said(|trials| {
+            for trial in trials {
+                if let RigLoad::KnownSpring { stiffness_nm_per_rad, .. } = &mut trial.load {
+                    *stiffness_nm_per_rad *= factor;
+                }
+            }
+        })
+    };
+    let bars = |factor: f64| {
+        said(|trials| {
+            for trial in trials {
+                if let RigLoad::KnownInertia { inertia_kg_m2, .. } = &mut trial.load {
+                    *inertia_kg_m2 *= factor;
+                }
+            }
+        })
+    };
+    for (said, mistake) in [
+        (springs(std::f64::consts::PI / 180.0), "Is stiffness_nm_per_rad in N m/deg?"),
+        (springs(1e3), "Is stiffness_nm_per_rad in N mm/rad?"),
+        (bars(1e4), "Is inertia_kg_m2 in kg cm2?"),
+        (bars(1e7), "Is inertia_kg_m2 in g cm2?"),
+    ] {
+        assert!(said.contains(mistake) && !said.contains("Has torque_l_nm the sign"), "{said}");
+    }
+}
+
+#[test]
 fn a_handle_that_was_not_as_stated_is_refused() {
     let records = |trials: &[RigTrial], of: fn(&RigTrial) -> bool| -> Vec<_> {
         trials.iter().filter(|trial| of(trial)).map(|trial| trial.record.clone()).collect()
