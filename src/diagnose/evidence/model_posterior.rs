@@ -309,17 +309,31 @@ impl ModelPosterior {
     pub fn intervals(&self, kind: MechanismKind) -> Vec<Interval> {
         let Some(place) = self.fit.kinds.iter().position(|own| *own == kind) else { return Vec::new() };
         let variances = self.quadratic.common_covariance().diagonal();
+        // A coordinate at its bound is held there: what the session leaves open follows from the posterior that is free of the bounds.
+        let free = self.design.quadratic(&self.spreads, &self.point, &self.products);
+        let free = free.map(|own| (own.common_covariance().diagonal(), own.step.common));
         let interval = |parameter: usize| {
             let value = self.fit.parameters[0][parameter];
             let Some(place) = self.place_of_parameter(parameter) else {
                 return Interval { value, low: Some(value), high: Some(value) };
             };
             let coordinate = &self.fit.parameterisation.coordinates[self.unknowns.common[place]];
+            let at = self.point.common[place];
+            let real = |end: f64| if coordinate.logarithmic { libm::exp(end) } else { end };
+            if at <= coordinate.low || at >= coordinate.high {
+                let Some((variances, step)) = &free else { return Interval { value, low: None, high: None } };
+                let sd = libm::sqrt(variances[place].max(0.0));
+                if at <= coordinate.low && step[place] < 0.0 {
+                    let end = (at + limit_from_bound(step[place], sd)).min(coordinate.high);
+                    return Interval { value, low: Some(real(at)), high: Some(real(end)) };
+                }
+                if at >= coordinate.high && step[place] > 0.0 {
+                    let end = (at - limit_from_bound(-step[place], sd)).max(coordinate.low);
+                    return Interval { value, low: Some(real(end)), high: Some(real(at)) };
+                }
+            }
             let half = HALF_INTERVAL_95 * libm::sqrt(variances[place].max(0.0));
-            let [low, high] = [-half, half].map(|by| {
-                let end = (self.point.common[place] + by).clamp(coordinate.low, coordinate.high);
-                if coordinate.logarithmic { libm::exp(end) } else { end }
-            });
+            let [low, high] = [-half, half].map(|by| real((at + by).clamp(coordinate.low, coordinate.high)));
             Interval { value, low: Some(low), high: Some(high) }
         };
         mechanism_ranges(&self.fit.kinds)[place].clone().map(interval).collect()
@@ -511,9 +525,32 @@ fn above_bound(mean: f64, variance: f64) -> f64 {
     std::f64::consts::LN_2 + log_normal_distribution(mean / sd)
 }
 
+/// How far from its bound a quantity lies at most (95 %) whose posterior is normal, with a mean `mean` from the bound, and ends there.
+fn limit_from_bound(mean: f64, sd: f64) -> f64 {
+    let log_tail = |at: f64| log_normal_distribution((mean - at) / sd);
+    let sought = log_tail(0.0) + libm::log(0.05);
+    // Of a normal distribution whose mean is at the bound, 95 % lie within 1.96 standard deviations, and of others beyond it within fewer.
+    let (mut low, mut high) = (0.0, 2.0 * sd);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if log_tail(middle) > sought { low = middle } else { high = middle }
+    }
+    high
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_limit_of_a_quantity_at_its_bound_is_in_its_unit() {
+        for sd in [1e-3, 0.4] {
+            assert!((limit_from_bound(0.0, sd) / sd - HALF_INTERVAL_95).abs() < 1e-3);
+            // Far beyond the bound the tail is exponential, with the slope of the posterior there.
+            let far = limit_from_bound(-20.0 * sd, sd) / sd;
+            assert!((far - libm::log(20.0) / 20.0).abs() < 2e-3, "{far}");
+        }
+    }
 
     fn progress(evidence: impl Iterator<Item = f64>, promised: f64) -> WayToOptimum {
         WayToOptimum { evidence: evidence.collect(), promised }
