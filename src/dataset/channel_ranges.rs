@@ -39,14 +39,14 @@ impl ParsedChannels {
 
 /// Refuses a unit other than that in which the records are, as far as the column's name says it.
 fn check_unit(name: &str, column: &str, unit: Option<&Value>) -> Result<(), DatasetError> {
-    const UNITS: [(&str, &str, &[&str]); 3] = [
+    const CHANNEL_UNITS: [(&str, &str, &[&str]); 3] = [
         ("_nm", "N m", &["nm", "n*m", "n·m", "n.m"]),
         ("_rad", "rad", &["rad", "radian", "radians"]),
         ("_rad_s2", "rad/s2", &["rad/s2", "rad/s^2", "rad/s²", "rads-2", "rads^-2"]),
     ];
     let Some(given) = unit.and_then(Value::as_str) else { return Ok(()) };
     let written = given.to_lowercase().replace(char::is_whitespace, "");
-    match UNITS.iter().find(|(ending, ..)| column.ends_with(ending)) {
+    match CHANNEL_UNITS.iter().find(|(ending, ..)| column.ends_with(ending)) {
         Some((_, unit, spellings)) if !spellings.contains(&written.as_str()) => Err(DatasetError::Value {
             at: FilePlace::field(name, &format!("channels.{column}.unit")),
             found: given.to_owned(),

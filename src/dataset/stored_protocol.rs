@@ -24,7 +24,7 @@ pub fn stored_protocol(folder: &Path) -> Result<Option<ValidProtocol>, DatasetEr
 }
 
 /// Numbers of a table and of its protocol are the same to this part of them: a table may be rounded.
-const ROUNDING: f64 = 1e-3;
+const TABLE_ROUNDING: f64 = 1e-3;
 
 /// Whether the protocol in `folder` is that of `session`, whose analysis takes filter and window from it.
 ///
@@ -35,7 +35,7 @@ pub fn check_stored_protocol(
     protocol: &ValidProtocol,
     session: &Session,
 ) -> Result<(), DatasetError> {
-    let are_same = |a: f64, b: f64| (a - b).abs() <= ROUNDING * b.abs();
+    let are_same = |a: f64, b: f64| (a - b).abs() <= TABLE_ROUNDING * b.abs();
     let refused = |field: &str, has: &str, expected: String| {
         let name = folder.join(PROTOCOL).display().to_string();
         let expected = format!("{expected}; is it the protocol of another session?");
