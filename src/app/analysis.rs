@@ -69,10 +69,7 @@ impl AnalysedSession {
     /// If session or calibration cannot be read, or the session contradicts its table.
     pub fn read(folder: &Path, asked: &AnalysisRequest, console: &Console) -> Result<Self, Failure> {
         let checked = load_checked(folder, &asked.accept)?;
-        let protocol = dataset::stored_protocol(folder)?;
-        if let Some(protocol) = &protocol {
-            dataset::check_stored_protocol(folder, protocol, &checked.session)?;
-        }
+        let protocol = dataset::protocol_of_session(folder, &checked.session)?;
         let settings = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
         let settings = with_window(settings, asked.window_s)?;
         let calibration = UsedCalibration::of_session(asked.calibration.as_deref(), folder)?;

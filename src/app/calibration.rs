@@ -123,8 +123,7 @@ pub fn warn_of_calibration(calibration: &RigCalibration, file: &Path, console: &
 /// takes such a calibration.
 fn warnings(calibration: &RigCalibration, now_s: i64) -> Vec<String> {
     let mut found: Vec<String> = calibration.misfit_warning().into_iter().collect();
-    let times = [("made_utc", &calibration.made_utc), ("measured_utc", &calibration.measured_utc)];
-    for (field, time) in times {
+    for (field, time) in calibration.times() {
         let Some(text) = time else { continue };
         if utc_seconds(text).is_some_and(|own_s| own_s > now_s + CLOCKS_DIFFER_S) {
             found.push(format!(

@@ -8,8 +8,7 @@ use std::ops::Range;
 use super::contradiction::Contradiction;
 use super::ramp::rounded;
 use super::samples_of_ramp::{RampChannel, resolution, samples_of_ramp};
-use super::signal_check::SignalCheck;
-use super::spike::{LARGEST_BY_NOISE, LEAST_PART, RESOLUTION_STEPS};
+use super::spike::{LARGEST_BY_NOISE, LEAST_PART, RESOLUTION_STEPS, wrong_samples};
 use crate::dataset::Trial;
 use crate::statistics::{SD_BY_MEDIAN, upper_median};
 
@@ -41,11 +40,10 @@ pub fn check_jumps(trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradicti
         trials.iter().filter_map(|trial| Some((*trial, jump_of(trial, sample_rate_hz)?))).collect();
     let (trial, jump) = found.iter().max_by(|a, b| a.1.height_nm.total_cmp(&b.1.height_nm))?;
     let channel = RampChannel::Torque;
-    Some(Contradiction {
-        check: SignalCheck::Spike,
-        place: format!("column {} of the records", channel.column()),
-        trials: found.iter().map(|(trial, _)| trial.number).collect(),
-        measured: format!(
+    Some(wrong_samples(
+        channel,
+        found.iter().map(|(trial, _)| trial.number).collect(),
+        format!(
             "before the ramp, the sample at {} s of trial {} ({}, line {}) is {} N m, and {} N m from the torque around it",
             rounded(trial.record.start_s + jump.sample as f64 / sample_rate_hz),
             trial.number,
@@ -54,10 +52,9 @@ pub fn check_jumps(trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradicti
             rounded(channel.of(trial)[jump.sample]),
             rounded(jump.height_nm)
         ),
-        stated: format!("at most {} N m, as noise and resolution of the channel make it", rounded(jump.by_chance_nm)),
-        likely_mistake: Some("Was a byte lost on the way from the converter to the file, or was there a loose contact?".into()),
-        remedy: "Set these trials to rejected with ramphold trials --reject: the noise of all trials is measured before the ramps.".into(),
-    })
+        jump.by_chance_nm,
+        "the noise of all trials is measured before the ramps",
+    ))
 }
 
 fn jump_of(trial: &Trial, sample_rate_hz: f64) -> Option<Jump> {

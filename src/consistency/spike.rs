@@ -67,11 +67,10 @@ fn of_channel(channel: RampChannel, trials: &[&Trial], sample_rate_hz: f64) -> O
     let Spike { sample, height } = worst.farthest;
     let unit = channel.unit();
     let at_s = worst.trial.record.start_s + sample as f64 / sample_rate_hz;
-    Some(Contradiction {
-        check: SignalCheck::Spike,
-        place: format!("column {} of the records", channel.column()),
-        trials: found.iter().map(|own| own.trial.number).collect(),
-        measured: format!(
+    Some(wrong_samples(
+        channel,
+        found.iter().map(|own| own.trial.number).collect(),
+        format!(
             "the sample at {} s of trial {} ({}, line {}) is {} {unit}, and {} {unit} from what the samples on both sides of it give",
             rounded(at_s),
             worst.trial.number,
@@ -80,10 +79,34 @@ fn of_channel(channel: RampChannel, trials: &[&Trial], sample_rate_hz: f64) -> O
             rounded(channel.of(worst.trial)[sample]),
             rounded(height)
         ),
-        stated: format!("at most {} {unit}, as noise and resolution of the channel make it", rounded(limit(worst))),
-        likely_mistake: Some("Was a byte lost on the way from the converter to the file, or was there a loose contact?".into()),
-        remedy: "Set these trials to rejected with ramphold trials --reject: what the sample should have been, nobody knows.".into(),
-    })
+        limit(worst),
+        "what the sample should have been, nobody knows",
+    ))
+}
+
+/// What is said of samples of `channel` that are more than `by_chance` from those around them; `why` the trials are rejected.
+pub(super) fn wrong_samples(
+    channel: RampChannel,
+    trials: Vec<u32>,
+    measured: String,
+    by_chance: f64,
+    why: &str,
+) -> Contradiction {
+    let unit = channel.unit();
+    Contradiction {
+        check: SignalCheck::Spike,
+        place: format!("column {} of the records", channel.column()),
+        trials,
+        measured,
+        stated: format!(
+            "at most {} {unit}, as noise and resolution of the channel make it",
+            rounded(by_chance)
+        ),
+        likely_mistake: Some(
+            "Was a byte lost on the way from the converter to the file, or was there a loose contact?".into(),
+        ),
+        remedy: format!("Set these trials to rejected with ramphold trials --reject: {why}."),
+    }
 }
 
 fn measure<'a>(channel: RampChannel, trial: &'a Trial, sample_rate_hz: f64) -> Option<Measured<'a>> {

@@ -173,14 +173,8 @@ pub(super) fn check_values(
     };
     let possible = rate > 0.0 && rate <= limits::MAX_SAMPLE_RATE_HZ;
     field("sample_rate_hz", rate, possible, "a number of samples a second above 0 and at most 1000000")?;
-    if let Some(lever) = lever {
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let (inertia, damping, stiffness) =
-            (lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad);
-        field("rig.lever.inertia_kg_m2", inertia, positive(inertia), "an inertia above 0")?;
-        let damped = damping.is_finite() && damping >= 0.0;
-        field("rig.lever.damping_nm_s_per_rad", damping, damped, "a damping from 0 up")?;
-        field("rig.lever.stiffness_nm_per_rad", stiffness, positive(stiffness), "a stiffness above 0")?;
+    if let Some((name, found, expected)) = lever.and_then(|own| own.impossible_constants().next()) {
+        field(&format!("rig.lever.{name}"), found, false, expected)?;
     }
     if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = recorded_filter.copied() {
         field("recorded_filter.order", f64::from(order), (1..=10).contains(&order), "an order from 1 to 10")?;

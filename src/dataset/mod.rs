@@ -93,7 +93,7 @@ pub use session_schema::session_schema_text;
 use serde::{Deserialize, Serialize};
 pub use session_files::session_files;
 pub use session_folders::{is_session, session_folders};
-pub use stored_protocol::{check_stored_protocol, stored_protocol};
+pub use stored_protocol::{protocol_of_session, stored_protocol};
 pub use stream_files::{STREAMS, StreamFileName, stream_file_name, stream_files};
 pub use stream_stamps::samples_with_stamps_off;
 pub use utc::{utc_day, utc_seconds, utc_text};

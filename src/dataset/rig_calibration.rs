@@ -352,7 +352,7 @@ impl RigCalibration {
     }
 
     /// Its times, by the name of the field.
-    pub(super) fn times(&self) -> [(&'static str, Option<&str>); 2] {
+    pub fn times(&self) -> [(&'static str, Option<&str>); 2] {
         [("made_utc", self.made_utc.as_deref()), ("measured_utc", self.measured_utc.as_deref())]
     }
 

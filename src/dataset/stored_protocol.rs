@@ -26,15 +26,20 @@ pub fn stored_protocol(folder: &Path) -> Result<Option<ValidProtocol>, DatasetEr
 /// Numbers of a table and of its protocol are the same to this part of them: a table may be rounded.
 const TABLE_ROUNDING: f64 = 1e-3;
 
-/// Whether the protocol in `folder` is that of `session`, whose analysis takes filter and window from it.
+/// The protocol in `folder`, from which the analysis of `session`, the session there, takes filter and window; `None` if it has none.
 ///
 /// # Errors
-/// If the session was sampled at another rate, or a trial that counts has a velocity or a torque that the protocol does not.
-pub fn check_stored_protocol(
-    folder: &Path,
-    protocol: &ValidProtocol,
-    session: &Session,
-) -> Result<(), DatasetError> {
+/// If it cannot be read, the session was sampled at another rate, or a trial that counts has a velocity or a torque that the protocol
+/// does not.
+pub fn protocol_of_session(folder: &Path, session: &Session) -> Result<Option<ValidProtocol>, DatasetError> {
+    let protocol = stored_protocol(folder)?;
+    if let Some(protocol) = &protocol {
+        check_protocol(folder, protocol, session)?;
+    }
+    Ok(protocol)
+}
+
+fn check_protocol(folder: &Path, protocol: &ValidProtocol, session: &Session) -> Result<(), DatasetError> {
     let are_same = |a: f64, b: f64| (a - b).abs() <= TABLE_ROUNDING * b.abs();
     let refused = |field: &str, has: &str, expected: String| {
         let name = folder.join(PROTOCOL).display().to_string();

@@ -182,25 +182,9 @@ impl Mapping {
 
 /// Constants that no lever has.
 fn problems_of_lever(lever: Option<&Lever>, text: &str) -> Vec<Problem> {
-    let Some(lever) = lever else { return Vec::new() };
-    let constants = [
-        ("inertia_kg_m2", lever.inertia_kg_m2, lever.inertia_kg_m2 > 0.0, "an inertia above 0"),
-        (
-            "damping_nm_s_per_rad",
-            lever.damping_nm_s_per_rad,
-            lever.damping_nm_s_per_rad >= 0.0,
-            "a damping from 0 up",
-        ),
-        (
-            "stiffness_nm_per_rad",
-            lever.stiffness_nm_per_rad,
-            lever.stiffness_nm_per_rad > 0.0,
-            "a stiffness above 0",
-        ),
-    ];
-    let wrong = constants.into_iter().filter(|(_, _, is_possible, _)| !is_possible);
+    let wrong = lever.into_iter().flat_map(Lever::impossible_constants);
     wrong
-        .map(|(field, value, _, expected)| Problem {
+        .map(|(field, value, expected)| Problem {
             path: format!("lever.{field}"),
             line: 1 + text.lines().position(|line| line.contains(field)).unwrap_or(0),
             value: Some(value.to_string()),

@@ -68,9 +68,9 @@ fn read_or_simulate(
             Ok((session, PreprocessingSettings::of(protocol)))
         }
         UnitSource::Measured(folder) => {
-            let protocol = dataset::stored_protocol(folder)?;
-            let view = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
             let session = dataset::load(folder)?;
+            let protocol = dataset::protocol_of_session(folder, &session)?;
+            let view = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
             consistency::check(&session, &study.accept)?;
             Ok((session, view))
         }

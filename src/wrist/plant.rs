@@ -23,6 +23,23 @@ pub struct Lever {
     pub stiffness_nm_per_rad: f64,
 }
 
+impl Lever {
+    /// The constants that no lever has: the field, its value, and what is expected.
+    pub fn impossible_constants(&self) -> impl Iterator<Item = (&'static str, f64, &'static str)> {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let (inertia, damping, stiffness) =
+            (self.inertia_kg_m2, self.damping_nm_s_per_rad, self.stiffness_nm_per_rad);
+        let damped = damping.is_finite() && damping >= 0.0;
+        let constants = [
+            ("inertia_kg_m2", inertia, positive(inertia), "an inertia above 0"),
+            ("damping_nm_s_per_rad", damping, damped, "a damping from 0 up"),
+            ("stiffness_nm_per_rad", stiffness, positive(stiffness), "a stiffness above 0"),
+        ];
+        let wrong = constants.into_iter().filter(|(_, _, is_possible, _)| !is_possible);
+        wrong.map(|(field, value, _, expected)| (field, value, expected))
+    }
+}
+
 /// The six parameters that a fit estimates, in the order of every parameter vector of the crate.
 pub const BASE_PARAMETERS: [&str; 6] =
     ["i_j_kg_m2", "b_h_nm_s_per_rad", "k_h_nm_per_rad", "k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad"];

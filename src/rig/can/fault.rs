@@ -140,9 +140,8 @@ pub enum CanFault {
     },
     /// The drive takes its commands from elsewhere.
     #[error(
-        "the drive is under local control (statusword {statusword:04X}h: bit 9, remote, is not set any more) and ignores what it is told \
-         over the bus: PRESS THE EMERGENCY STOP. End the manufacturer's tool, jog panel or local mode that has taken the drive over, then \
-         arm again"
+        "the drive is under local control (statusword {statusword:04X}h: bit 9, remote, is no longer set) and ignores commands from the \
+         bus: PRESS THE EMERGENCY STOP. Close the manufacturer's tool, jog panel or local mode that commands it, then arm again"
     )]
     LocalControl {
         /// The statusword.

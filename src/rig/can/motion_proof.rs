@@ -1,6 +1,6 @@
-//! Whether the motor moves as far and as fast as it is told. A drive may take its targets, or the speeds of its own motions, in another
-//! unit than it reports its position in; a slow motion shows it before a limb is in. Wrong counts for a turn, or a wrong gear ratio, are
-//! the same factor in targets and positions, and are not shown.
+//! Whether the motor moves as far and as fast as it is told. A drive may report its position in one unit and take targets or speeds in
+//! another; a slow motion shows that before a limb is in. It does not show a wrong number of counts for a turn, or a wrong gear ratio:
+//! targets and positions go through the same factor.
 
 use std::time::Instant;
 
