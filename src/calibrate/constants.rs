@@ -147,10 +147,10 @@ const FRICTION_SPEED_FACTOR: f64 = 10.0;
 /// Growth of the lever's damping with the speed of its deflection, s/rad, one standard deviation: a tenth at 1 rad/s, which a soft lever
 /// reaches (assumed). No solid or joint damps in exact proportion to speed, and a nonlinearity of the torque channel would stand in for it.
 const DAMPING_GROWTH_S_PER_RAD: f64 = 0.1;
-/// Travel in which the friction of a bearing builds up, rad, and by how much it may differ, as a factor, one standard deviation: balls of
-/// some micrometres' give, on a race of some millimetres (assumed).
-const PRESLIDING_RAD: f64 = 1e-3;
-const PRESLIDING_FACTOR: f64 = 10.0;
+/// Travel in which the friction of a bearing builds up, rad: balls of some micrometres' give, on a race of some millimetres (assumed).
+pub const PRESLIDING_RAD: f64 = 1e-3;
+/// By how much that travel may differ, as a factor, one standard deviation (assumed).
+pub const PRESLIDING_FACTOR: f64 = 10.0;
 /// The lever that the fit starts from where the session states none: that of the paper's rig.
 const PAPER_LEVER: Lever =
     Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };

@@ -50,6 +50,7 @@ pub use calibration::{CalibrationOutcome, calibrate};
 pub use comparison::{
     DIFFERENCE_LEVEL, QuantityDifference, RigComparison, RigVerdict, UNEXPLAINED_LEVEL, compare,
 };
+pub use constants::{PRESLIDING_FACTOR, PRESLIDING_RAD};
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};

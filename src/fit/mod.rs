@@ -39,6 +39,7 @@ mod tests;
 pub use calibration::asked_fit::AskedFit;
 pub use calibration::assumed_constants::{ASSUMED_ERROR, AssumedConstant};
 pub use calibration::constant_effects::ConstantEffects;
+pub use data::bearing_friction::FrictionLaw;
 pub use data::observations::{EmgGaps, ExcludedTrial, NoiseSource, Observations, TrialObservation};
 pub use data::preprocessing::{PreprocessingError, PreprocessingSettings, onset_sample};
 pub use data::rig_constants::{CalibrationMisuse, RigConstants};

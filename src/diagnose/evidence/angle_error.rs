@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::rig_knowledge::RigKnowledge;
+use super::rig_knowledge::{FRICTION_LAWS, RigKnowledge};
 use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance};
 use crate::statistics::{group_indices, upper_median};
@@ -42,7 +42,7 @@ struct MovedSessions {
     at_rest: Option<Observations>,
     /// Smoothed once more, and twice more.
     smoothed: [Observations; 2],
-    /// With each error of the rig's constants.
+    /// With each error of the rig's constants, and each deviation of a measured friction's law.
     rig: Vec<Observations>,
 }
 
@@ -58,7 +58,13 @@ impl MovedSessions {
         let once = observations.smoothed_again();
         let twice = once.smoothed_again();
         let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
-        let rig = rig.errors.iter().map(|constants| with_other_constants(observations, constants)).collect();
+        let laws = FRICTION_LAWS.iter().filter(|_| observations.constants.bearing_friction_nm != 0.0);
+        let rig = rig
+            .errors
+            .iter()
+            .map(|constants| with_other_constants(observations, constants))
+            .chain(laws.map(|law| without_holds(observations.with_friction_law(*law))))
+            .collect();
         Self { at_rest, smoothed: [once, twice], rig }
     }
 
@@ -88,7 +94,10 @@ impl MovedSessions {
 
 /// The session with other constants of the rig; without its holds, of which no prediction is made.
 pub(super) fn with_other_constants(observations: &Observations, constants: &RigConstants) -> Observations {
-    let mut changed = observations.with_constants(*constants);
+    without_holds(observations.with_constants(*constants))
+}
+
+fn without_holds(mut changed: Observations) -> Observations {
     changed.trials.iter_mut().for_each(|trial| trial.hold_stretches = Vec::new());
     changed
 }
@@ -231,4 +240,31 @@ fn rounded_at_rest(observations: &Observations) -> Observations {
         }
     }
     shifted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::RigQuantity;
+    use crate::diagnose::test_session::{LEVER, measured_rig, session};
+    use crate::fit::{Model, PreprocessingSettings, Weighting};
+    use crate::wrist::mechanisms::MechanismKind;
+
+    /// Number of errors that trials share, with a calibration of this friction.
+    fn shared_errors(friction_nm: f64) -> usize {
+        let session = session(MechanismKind::TorqueLag, |_| vec![2000.0]);
+        let rig = measured_rig(&[(RigQuantity::BearingFriction, friction_nm, 0.000_1)], None);
+        let observations =
+            Observations::of_rig(&session, PreprocessingSettings::default(), rig.constants).unwrap();
+        let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+        let errors = AngleErrors::of(&observations, &fit, &rig);
+        assert_eq!(rig.constants.lever, Some(LEVER));
+        errors.variances.len()
+    }
+
+    #[test]
+    fn a_measured_friction_may_follow_other_laws_than_a_constant_one() {
+        // One more error is of its size.
+        assert_eq!(shared_errors(0.005), shared_errors(0.0) + FRICTION_LAWS.len() + 1);
+    }
 }

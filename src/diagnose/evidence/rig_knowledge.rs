@@ -7,12 +7,15 @@
 use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
-use crate::calibrate::{CAUSED, RigDeviations, RigFaults, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+use crate::calibrate::{
+    CAUSED, PRESLIDING_FACTOR, PRESLIDING_RAD, RigDeviations, RigFaults, SOUND_DELAY_S, ToldConstant,
+    servo_bandwidth_hz,
+};
 use crate::dataset::{
     AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, corner_frequency_hz, time_constant_s,
 };
 use crate::diagnose::interval::Interval;
-use crate::fit::{CalibrationMisuse, RigConstants};
+use crate::fit::{CalibrationMisuse, FrictionLaw, RigConstants};
 use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::MechanismKind;
@@ -208,9 +211,23 @@ fn probability_of(angle: &AngleAgainstTarget, is_command: bool) -> f64 {
     [within_steps, faster_than(late_s), 1.0 - faster_than(late_s)][near]
 }
 
-/// Standard deviation of a bearing's friction about a constant one, as a part of it. Assumed: grease and Stribeck's drop change it by some
-/// 20 % over the speeds of the ramps.
+/// Standard deviation of a bearing's friction about a constant one, as a part of it: of its level, and of its growth up to the ramp's speed.
+/// Assumed: grease and Stribeck's drop change it by some 20 % over the speeds of the ramps.
 const FRICTION_LAW_SD: f64 = 0.2;
+
+/// Deviations of that law from a constant friction, each of one standard deviation (assumed): it grows with the speed, and some or all of it
+/// builds up over a travel, of which only the order of magnitude is known. The three travels lie one standard deviation apart and share
+/// the variance of a part of 1.
+pub const FRICTION_LAWS: [FrictionLaw; 4] = {
+    let constant = FrictionLaw { presliding_part: 0.0, presliding_rad: PRESLIDING_RAD, growth: 0.0 };
+    let gives = FrictionLaw { presliding_part: 0.577_350_269_189_625_8, ..constant };
+    [
+        FrictionLaw { growth: FRICTION_LAW_SD, ..constant },
+        gives,
+        FrictionLaw { presliding_rad: PRESLIDING_RAD / PRESLIDING_FACTOR, ..gives },
+        FrictionLaw { presliding_rad: PRESLIDING_RAD * PRESLIDING_FACTOR, ..gives },
+    ]
+};
 
 /// Standard error that rig trials leave of a constant, as a part of it: loads that are known to 1 % leave about that much.
 const EXPECTED_RELATIVE_SE: f64 = 0.01;

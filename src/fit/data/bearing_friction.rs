@@ -17,6 +17,37 @@ const RISEN: f64 = 0.5;
 /// Least time constant with which the lever bends, samples: a shorter one cannot be seen.
 const LEAST_LAG: f64 = 0.01;
 
+/// By which law the friction of a bearing goes with its motion. The usual one is constant, against the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FrictionLaw {
+    /// Part of it that builds up over a travel, as where the balls give before they roll (Dahl 1976, with the exponent 1).
+    pub presliding_part: f64,
+    /// That travel, rad.
+    pub presliding_rad: f64,
+    /// By which part of itself it is larger at the speed of the ramp than at rest.
+    pub growth: f64,
+}
+
+impl FrictionLaw {
+    /// Friction as a part of its full value at each knot of a motion that begins at rest, where a constant friction has the parts `constant`.
+    fn parts(&self, motion: &[Kinematics<f64>], velocity_rad_s: f64, constant: &[f64]) -> Vec<f64> {
+        let mut built_up = 0.0;
+        let mut before_rad = motion.first().map_or(0.0, |knot| knot.theta);
+        let part = |(knot, constant): (&Kinematics<f64>, &f64)| {
+            let way_rad = knot.theta - before_rad;
+            before_rad = knot.theta;
+            let mut part = *constant;
+            if self.presliding_part != 0.0 {
+                let towards = way_rad.signum();
+                built_up = towards + (built_up - towards) * libm::exp(-way_rad.abs() / self.presliding_rad);
+                part += self.presliding_part * (built_up - constant);
+            }
+            part * (1.0 + self.growth * (knot.omega / velocity_rad_s).abs())
+        };
+        motion.iter().zip(constant).map(part).collect()
+    }
+}
+
 /// What the friction does along a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionEffect {
@@ -31,7 +62,7 @@ impl FrictionEffect {
     /// The recorded torque has passed `sections`. Before the onset the handle rests, and its friction is in the torque from which changes are
     /// counted.
     pub fn along(
-        constants: &RigConstants,
+        (constants, law): (&RigConstants, &FrictionLaw),
         (sections, period_s, samples): (&[Section], f64, usize),
         motion: &[Kinematics<f64>],
         onset: usize,
@@ -44,15 +75,14 @@ impl FrictionEffect {
         let full_at_rad_s = FULL_AT * velocity_rad_s.abs();
         let rises = &motion[onset..];
         let risen = rises.iter().take_while(|knot| knot.omega < RISEN * velocity_rad_s.abs()).count();
-        let acting = |(sample, knot): (usize, &Kinematics<f64>)| {
+        let constant = |(sample, knot): (usize, &Kinematics<f64>)| {
             // A smoothed motion seems to turn back before it rises.
-            let least = if sample < onset + risen { 0.0 } else { f64::NEG_INFINITY };
-            match sample > onset {
-                true => friction_nm * libm::tanh(knot.omega.max(least) / full_at_rad_s),
-                false => 0.0,
-            }
+            let least = if sample < risen { 0.0 } else { f64::NEG_INFINITY };
+            if sample == 0 { 0.0 } else { libm::tanh(knot.omega.max(least) / full_at_rad_s) }
         };
-        let torque_nm: Vec<f64> = motion.iter().enumerate().map(acting).collect();
+        let constant: Vec<f64> = rises.iter().enumerate().map(constant).collect();
+        let mut torque_nm = vec![0.0; onset];
+        torque_nm.extend(law.parts(rises, velocity_rad_s, &constant).iter().map(|part| friction_nm * part));
         let recorded_nm = filter(sections, &torque_nm);
         Some(Self {
             recorded_nm: recorded_nm[onset..onset + samples].to_vec(),

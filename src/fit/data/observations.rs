@@ -1,6 +1,6 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
-use super::bearing_friction::FrictionEffect;
+use super::bearing_friction::{FrictionEffect, FrictionLaw};
 use super::rig_constants::{RigConstants, TorqueRescaling};
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
@@ -38,6 +38,8 @@ pub struct Observations {
     pub lead_samples: usize,
     /// The constants of the rig by which the records became angle and torque.
     pub constants: RigConstants,
+    /// The law by which the friction of the bearing is taken out.
+    pub friction_law: FrictionLaw,
     /// Sections of the low-pass that the recorded torque passed; empty if the rig filtered angle and torque before recording.
     pub sections: Vec<Section>,
     /// Sections that predicted torque passes: the same, after the low-pass of the torque channel if it has one.
@@ -141,6 +143,7 @@ impl Observations {
             samples: self.samples,
             lead_samples: self.lead_samples,
             constants: self.constants,
+            friction_law: self.friction_law,
             sections: self.sections.clone(),
             prediction_sections: self.prediction_sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
@@ -156,6 +159,11 @@ impl Observations {
             noise_covariances: self.noise_covariances.clone(),
             noise_source: self.noise_source,
         }
+    }
+
+    /// The same session where another law of the bearing's friction is taken out.
+    pub fn with_friction_law(&self, law: FrictionLaw) -> Self {
+        Self { friction_law: law, ..self.clone() }.with_constants(self.constants)
     }
 
     /// The same session with other constants of the rig. The noise keeps its estimate, so that fits of both weigh alike.
@@ -207,7 +215,8 @@ impl Observations {
         }
         let wrist::TrialInput { motion, onset, .. } = &mut trial.input;
         let window = (self.prediction_sections.as_slice(), self.period_s, self.samples);
-        trial.friction = FrictionEffect::along(&self.constants, window, motion, *onset, trial.velocity_rad_s);
+        let friction = (&self.constants, &self.friction_law);
+        trial.friction = FrictionEffect::along(friction, window, motion, *onset, trial.velocity_rad_s);
         if let Some(friction) = &trial.friction {
             friction.take_out(&mut trial.measured_nm, motion);
         }

@@ -1,6 +1,7 @@
 //! Preprocessing of a session (section 2.4 of the paper): the torque is filtered, the means before the ramp are subtracted, the
 //! window is cut, and the noise is estimated.
 
+use super::bearing_friction::FrictionLaw;
 use super::covariates::{number_conditions, set_covariates};
 use super::further_channels::{samples_of, unscaled};
 use super::hold_noise::{angle_error, noise_stride};
@@ -83,6 +84,7 @@ impl Observations {
         let mut observations = Self {
             lever: constants.lever,
             constants,
+            friction_law: FrictionLaw::default(),
             prediction_sections: constants.prediction_sections(&sections, period_s),
             period_s,
             samples,

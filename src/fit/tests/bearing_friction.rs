@@ -7,18 +7,32 @@ use crate::wrist::{
 
 const FRICTION_NM: f64 = 0.05;
 
-/// A friction that has its full torque at a thousandth of the slowest ramp.
-struct Rubbing;
+/// A friction that has its full torque at a thousandth of the slowest ramp, or builds up over a travel, and may grow with speed.
+struct Rubbing {
+    law: FrictionLaw,
+    velocity_rad_s: f64,
+}
 
 impl AddedDynamics<f64> for Rubbing {
     const ACTIVE: bool = true;
 
     fn state_count(&self) -> usize {
-        0
+        1
     }
 
-    fn add_torques(&self, context: &Context<'_, f64>, _: &[f64], torques: &mut Torques<f64>, _: &mut [f64]) {
-        let friction_nm = FRICTION_NM * libm::tanh(context.handle.omega / 0.001);
+    fn add_torques(
+        &self,
+        context: &Context<'_, f64>,
+        states: &[f64],
+        torques: &mut Torques<f64>,
+        rates: &mut [f64],
+    ) {
+        let FrictionLaw { presliding_part, presliding_rad, growth } = self.law;
+        let speed = context.handle.omega;
+        rates[0] =
+            if presliding_part == 0.0 { 0.0 } else { (speed - speed.abs() * states[0]) / presliding_rad };
+        let part = presliding_part * states[0] + (1.0 - presliding_part) * libm::tanh(speed / 0.001);
+        let friction_nm = FRICTION_NM * part * (1.0 + growth * (speed / self.velocity_rad_s).abs());
         // On the handle, not on the joint.
         torques.interface += friction_nm;
         torques.joint += friction_nm;
@@ -30,7 +44,7 @@ impl AddedDynamics<f64> for Rubbing {
 }
 
 /// A session without noise whose bearing rubs.
-fn rubbing_session(lever: Option<Lever>) -> Session {
+fn rubbing_session(lever: Option<Lever>, law: FrictionLaw) -> Session {
     let mut session = SyntheticSession { noise_nm: 0.0, hold_s: 0.1, ..SyntheticSession::new(1) }.session();
     session.lever = lever;
     for trial in &mut session.trials {
@@ -38,12 +52,13 @@ fn rubbing_session(lever: Option<Lever>) -> Session {
         let before = record.theta_m_rad.iter().take_while(|angle| **angle == 0.0).count() - 1;
         let motion = wrist::motor_motion(&record.theta_m_rad, PERIOD_S);
         let mechanics = Mechanics::new(Plant::base(lever, &truth(trial.velocity_rad_s, trial.torque_nm)));
+        let rubbing = Rubbing { law, velocity_rad_s: trial.velocity_rad_s };
         let mut integrator = Integrator::at_rest();
         let mut from = Kinematics::default();
         for (nm, to) in record.torque_l_nm.iter_mut().zip(motion).skip(before.saturating_sub(10)) {
             let input = HermiteSegment::new(from, to, PERIOD_S);
-            integrator.advance(&mechanics, &Rubbing, &input, 0.0, PERIOD_S, 4000);
-            *nm = trial.torque_nm + integrator.torques(&mechanics, &Rubbing, to, 0.0).0.measured;
+            integrator.advance(&mechanics, &rubbing, &input, 0.0, PERIOD_S, 4000);
+            *nm = trial.torque_nm + integrator.torques(&mechanics, &rubbing, to, 0.0).0.measured;
             from = to;
         }
     }
@@ -75,7 +90,7 @@ fn friction_of_the_bearing_goes_out_of_the_records() {
     let undamped = Lever { damping_nm_s_per_rad: 0.0, ..LEVER };
     let soft = Lever { stiffness_nm_per_rad: 200.0, ..LEVER };
     for lever in [Some(LEVER), Some(soft), Some(undamped), None] {
-        let session = rubbing_session(lever);
+        let session = rubbing_session(lever, FrictionLaw::default());
         let of = |friction_nm: f64| {
             let constants = RigConstants { bearing_friction_nm: friction_nm, ..RigConstants::stated(lever) };
             Observations::of_rig(&session, PreprocessingSettings::default(), constants).unwrap()
@@ -92,5 +107,23 @@ fn friction_of_the_bearing_goes_out_of_the_records() {
         let mut averaged = of(FRICTION_NM);
         averaged.average_motion();
         assert!(misfit(&averaged).1 < 0.1 * FRICTION_NM, "{lever:?}: {}", misfit(&averaged).1);
+    }
+}
+
+#[test]
+fn friction_of_another_law_goes_out_of_the_records_by_that_law() {
+    let gives = FrictionLaw { presliding_part: 1.0, presliding_rad: 3e-3, growth: 0.0 };
+    let grows = FrictionLaw { growth: 0.4, ..FrictionLaw::default() };
+    for law in [gives, grows] {
+        let session = rubbing_session(Some(LEVER), law);
+        let constants =
+            RigConstants { bearing_friction_nm: FRICTION_NM, ..RigConstants::stated(Some(LEVER)) };
+        let constant = Observations::of_rig(&session, PreprocessingSettings::default(), constants).unwrap();
+        let (_, typical) = misfit(&constant.with_friction_law(law));
+        let (_, before) = misfit(&constant);
+        // The handle moves a little later than the motor, whose motion the friction is computed along.
+        assert!(typical < 0.2 * before, "{law:?}: {typical}, {before}");
+        let there_and_back = constant.with_friction_law(law).with_friction_law(FrictionLaw::default());
+        assert!((misfit(&there_and_back).1 - before).abs() < 1e-9);
     }
 }
