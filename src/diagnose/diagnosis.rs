@@ -14,6 +14,7 @@ use super::evidence::answer::{
 use super::evidence::found_law::FoundLaw;
 use super::evidence::model_prior::compared;
 use super::evidence::model_search::{ComparedModel, ModelSearch};
+use super::evidence::rig_knowledge::RigKnowledge;
 use super::evidence::session_prior::SessionPrior;
 use super::evidence::used_freedom::{Freedom, UsedFreedom, smallest_p_value};
 use super::fit_chain::FitChain;
@@ -124,8 +125,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     stage("comparing the misfit with noise");
     let most_probable = most_probable_model(models);
     // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
-    let rig = &search.prior.rig;
-    let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && !rig.tells(*kind);
+    let acts_within =
+        |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && models[most_probable].fits(*kind);
     let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
     let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
     let explains = probabilities.none_of_these < 0.5;
@@ -185,6 +186,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     causes.extend(look.hum.iter().map(|found| hum_cause(observations, &before, found, seed)));
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
     remarks.extend(causes.iter().filter_map(warning));
+    remarks.extend(causes.iter().filter_map(|cause| changed_after_rig_trials(cause, &search.prior.rig)));
     let verdict = if free.is_some() || remaining_p_value < MISFIT_LEVEL {
         Verdict::Unexplained
     } else if causes.is_empty() {
@@ -240,8 +242,6 @@ fn compared_models<'a>(
     let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
     let prior = SessionPrior::new(observations, before, probe_context(observations), look.rig.clone());
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
-    // What rig trials tell is not looked for in the person's.
-    let kinds: Vec<MechanismKind> = kinds.into_iter().filter(|kind| !search.prior.rig.tells(*kind)).collect();
     let given = TestedFit::new(observations, before, Vec::new(), &[], &search.prior, seed);
     stage("fitting the mechanisms of the catalogue");
     search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
@@ -268,8 +268,8 @@ fn compared_models<'a>(
 /// The test of what `fit`, that of a model, leaves. The changes of its causes' sizes over the session are explained, whatever they are.
 fn tested(search: &ModelSearch, model: &ComparedModel, fit: &Fit, seed: u64) -> TestedFit {
     let prior = &search.prior;
-    let changed: Vec<MechanismKind> =
-        model.causes.iter().flat_map(|cause| prior.rig.changed_by(*cause)).collect();
+    let told = model.causes.iter().filter(|cause| !model.fits(**cause));
+    let changed: Vec<MechanismKind> = told.flat_map(|cause| prior.rig.changed_by(*cause)).collect();
     TestedFit::new(search.observations(), fit, model.posterior.size_changes(), &changed, prior, seed)
 }
 
@@ -361,6 +361,17 @@ fn warning(cause: &Cause) -> Option<String> {
         CauseEvidence::WithinTrial { gain, .. } => gain.warning(cause.kind.title()),
         _ => None,
     }
+}
+
+/// What must be said of a cause that contradicts the rig trials.
+fn changed_after_rig_trials(cause: &Cause, rig: &RigKnowledge) -> Option<String> {
+    let is_fitted = matches!(cause.evidence, CauseEvidence::WithinTrial { .. });
+    (is_fitted && rig.tells(cause.kind)).then(|| {
+        format!(
+            "the rig trials do not show {}: it came after them, or with the person; repeat the rig trials and ramphold calibrate",
+            cause.kind.id()
+        )
+    })
 }
 
 /// Ratio of the residual with a cause to that without, by which the list is ordered.

@@ -29,8 +29,8 @@ impl FitChain<'_> {
         let mut answered = answered_causes(models, best);
         // The cause first that explains more alone.
         let alone = |kind: MechanismKind| {
-            let own = models.iter().find(|own| own.causes == [kind]);
-            own.map_or(f64::NEG_INFINITY, |own| own.log_odds)
+            let own = models.iter().filter(|own| own.causes == [kind]);
+            own.map(|own| own.log_odds).fold(f64::NEG_INFINITY, f64::max)
         };
         answered.sort_by(|a, b| alone(b.kind).total_cmp(&alone(a.kind)));
         let whole = &models[best];
@@ -51,11 +51,16 @@ impl FitChain<'_> {
         causes
     }
 
-    /// The model with exactly these causes, if it was compared.
-    fn model_of(&self, kinds: &[MechanismKind]) -> Option<&ComparedModel> {
-        self.search.models.iter().find(|model| {
-            model.causes.len() == kinds.len() && kinds.iter().all(|kind| model.causes.contains(kind))
-        })
+    /// The most probable model with exactly these causes, if one was compared. What rig trials tell in the model `whole` they tell in it.
+    fn model_of(&self, kinds: &[MechanismKind], whole: &ComparedModel) -> Option<&ComparedModel> {
+        let is_alike = |kind: &MechanismKind, model: &ComparedModel| {
+            model.causes.contains(kind)
+                && (!whole.causes.contains(kind) || model.fits(*kind) == whole.fits(*kind))
+        };
+        let wanted = |model: &&ComparedModel| {
+            model.causes.len() == kinds.len() && kinds.iter().all(|kind| is_alike(kind, model))
+        };
+        self.search.models.iter().filter(wanted).max_by(|a, b| a.log_odds.total_cmp(&b.log_odds))
     }
 
     /// A mechanism that could be in place of the cause `of` of the model `whole`; `before` are the causes added so far, and their fit.
@@ -68,12 +73,12 @@ impl FitChain<'_> {
     ) -> AlternativeCause {
         let in_place: Vec<MechanismKind> =
             whole.causes.iter().map(|own| if *own == of { kind } else { *own }).collect();
-        let values = match self.search.prior.rig.interval(kind) {
-            Some(told) => vec![told],
-            None => self.model_of(&in_place).map_or(Vec::new(), |model| model.posterior.intervals(kind)),
+        let values = match self.model_of(&in_place, whole) {
+            Some(model) if model.fits(kind) => model.posterior.intervals(kind),
+            _ => self.search.prior.rig.interval(kind).into_iter().collect(),
         };
         let added: Vec<MechanismKind> = before.0.iter().copied().chain([kind]).collect();
-        let model = self.model_of(&added).filter(|_| kind.evidence() == EvidenceSource::Trace);
+        let model = self.model_of(&added, whole).filter(|_| kind.evidence() == EvidenceSource::Trace);
         let fits = model.map(|model| Box::new((before.1.clone(), self.fit_of(model))));
         AlternativeCause { kind, probability, values, fits }
     }
@@ -92,7 +97,7 @@ impl FitChain<'_> {
     /// The fit of the model with the causes `kinds`, some of those of `whole`. If it was not compared, it is fitted from `whole`: the fit of
     /// another model would credit one cause with what others gain.
     fn fit_with(&self, kinds: &[MechanismKind], whole: &ComparedModel) -> Fit {
-        if let Some(model) = self.model_of(kinds) {
+        if let Some(model) = self.model_of(kinds, whole) {
             return self.fit_of(model);
         }
         let observations = self.search.observations();
@@ -111,15 +116,13 @@ impl FitChain<'_> {
         before: &Fit,
         after: &Fit,
     ) -> Cause {
-        if let Some(told) = self.told(kind, after) {
+        let told = if whole.fits(kind) { None } else { self.told(kind, after) };
+        if let Some(told) = told {
             return Cause { alternatives, ..told };
         }
         let observations = self.search.observations();
-        let models = &self.search.models;
-        let without = models.iter().find(|model| {
-            model.causes.len() + 1 == whole.causes.len()
-                && model.causes.iter().all(|own| whole.causes.contains(own) && *own != kind)
-        });
+        let others: Vec<MechanismKind> = whole.causes.iter().copied().filter(|own| *own != kind).collect();
+        let without = self.model_of(&others, whole);
         let cost = |model: &ComparedModel| model.posterior.quadratic.cost;
         let chi_square_gain = gained(without.map(cost), cost(whole));
         let fitted = kind.parameters().iter().filter(|parameter| parameter.fitted).count().max(1);

@@ -142,8 +142,10 @@ pub fn answered_causes(models: &[ComparedModel], index: usize) -> Vec<AnsweredCa
                 continue;
             }
             let in_place = model.causes.iter().find(|kind| !others.contains(kind));
-            if let Some(in_place) = in_place.filter(|kind| !kind.is_free_law()) {
-                places.push((*in_place, *weight));
+            let Some(in_place) = in_place.filter(|kind| !kind.is_free_law()) else { continue };
+            match places.iter_mut().find(|(kind, _)| kind == in_place) {
+                Some(place) => place.1 += weight,
+                None => places.push((*in_place, *weight)),
             }
         }
         let total: f64 = places.iter().map(|(_, weight)| weight).sum();
@@ -186,7 +188,7 @@ fn weights(models: &[ComparedModel]) -> Vec<f64> {
     kinds.sort_unstable();
     kinds.dedup();
     let alone = |kind: MechanismKind| {
-        models.iter().find(|own| own.causes == [kind]).map_or(0.0, |own| own.log_odds.max(0.0))
+        models.iter().filter(|own| own.causes == [kind]).map(|own| own.log_odds).fold(0.0, f64::max)
     };
     let error_sd = |gain: f64| libm::hypot(EVIDENCE_SD, EVIDENCE_RELATIVE_SD * gain.max(0.0));
     let errors_of = |own: &ComparedModel| -> Vec<(usize, f64)> {

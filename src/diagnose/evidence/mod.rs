@@ -8,7 +8,7 @@
 //! | `free_laws`, `angle_error`, `size_drift`, `session_prior` | priors of everything unknown |
 //! | `model_posterior` | optimum, spreads and evidence of one model |
 //! | `model_prior`, `model_search` | which models are compared, and what each is held to be before the data |
-//! | `rig_knowledge` | what rig trials say of the constants that causes are about |
+//! | `rig_knowledge`, `weighed_constants` | what rig trials say of the constants that causes are about |
 //! | `used_freedom` | whether a model stays within what its priors declare |
 //! | `answer`, `found_law` | from probabilities to causes, sets and the curve of an unknown law |
 
@@ -28,3 +28,4 @@ pub mod session_equations;
 pub mod session_prior;
 pub mod size_drift;
 pub mod used_freedom;
+pub mod weighed_constants;

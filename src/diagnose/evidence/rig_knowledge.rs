@@ -2,11 +2,10 @@
 //!
 //! A calibration is one more observation, c_hat ~ N(c, C), of constants c. Without a cause a constant lies about its stated value within
 //! a tolerance, as every rig is built; a cause says that it may lie anywhere within the cause's prior. All models are fitted with the
-//! constants at c_hat, whose errors C are unknowns that the trials share.
-
-use nalgebra::DMatrix;
+//! constants that are most probable by c_hat and by the tolerances of the rig, whose errors are unknowns that the trials share.
 
 use super::gaussian::log_normal_distribution;
+use super::weighed_constants::WeighedConstants;
 use crate::calibrate::{
     CAUSED, PRESLIDING_FACTOR, PRESLIDING_RAD, RigDeviations, RigFaults, SOUND_DELAY_S, ToldConstant,
     servo_bandwidth_hz,
@@ -30,6 +29,10 @@ const MOTOR_WITHIN_A_STEP: f64 = 1e-4;
 
 /// Samples by which a drive may report a target late.
 const LATE_SAMPLES: f64 = 2.0;
+
+/// Part of a rig's faults that come between its trials and the person's: a clamp that slips, an amplifier that was set anew, a calibration of
+/// another day. Assumed.
+const CHANGED_AFTER_RIG_TRIALS: f64 = 0.05;
 
 /// The constants of a rig, and how well they are known.
 #[derive(Debug, Clone)]
@@ -57,12 +60,38 @@ impl RigKnowledge {
     /// # Errors
     /// If the calibration cannot be used for such a session.
     pub fn measured(calibration: &RigCalibration, lever: Option<Lever>) -> Result<Self, CalibrationMisuse> {
-        let constants = RigConstants::calibrated(calibration, lever)?;
+        let measured = RigConstants::calibrated(calibration, lever)?;
         let stated = RigConstants::stated(lever);
         let deviations = RigDeviations::of(calibration, |quantity| stated.value(quantity));
-        let errors = errors(calibration, constants);
         let angle = calibration.angle_against_target;
-        Ok(Self { errors, constants, stated, deviations, angle })
+        let mut known = Self { errors: Vec::new(), constants: measured, stated, deviations, angle };
+        let off: Vec<MechanismKind> =
+            known.likely_faults().into_iter().flat_map(|cause| known.changed_by(cause)).collect();
+        let WeighedConstants { constants, mut errors } =
+            WeighedConstants::of(calibration, measured, &known.deviations.told, &off);
+        let law_nm = FRICTION_LAW_SD * constants.bearing_friction_nm;
+        if law_nm != 0.0 {
+            let friction_nm = constants.bearing_friction_nm + law_nm;
+            errors.push(constants.with(RigQuantity::BearingFriction, friction_nm));
+        }
+        known.constants = constants;
+        known.errors = errors;
+        Ok(known)
+    }
+
+    /// The causes by which the measured constants are more likely than by none, each beside those before it.
+    fn likely_faults(&self) -> Vec<MechanismKind> {
+        let mut causes: Vec<MechanismKind> = Vec::new();
+        loop {
+            let beside = |kind: MechanismKind| causes.iter().copied().chain([kind]).collect::<Vec<_>>();
+            let now = self.log_density(&causes);
+            let next = self.told().filter(|kind| !causes.contains(kind));
+            let next = next.map(|kind| (kind, self.log_density(&beside(kind)) - now));
+            match next.max_by(|a, b| a.1.total_cmp(&b.1)) {
+                Some((kind, gain)) if gain > 0.0 => causes.push(kind),
+                _ => return causes,
+            }
+        }
     }
 
     /// Whether the rig trials tell the constant that this cause is about.
@@ -88,6 +117,19 @@ impl RigKnowledge {
         let angle_is_command = self.angle.is_some() && causes.contains(&MechanismKind::ServoFollowing);
         let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, angle_is_command)));
         of_angle + self.deviations.agreement(RigFaults { causes, angle_is_command }, None).log_density
+    }
+
+    /// Logarithm of the odds of `cause` in the session's own trials, by what the rig trials say, against those before. A constant that they
+    /// tell well, and as stated, must have changed after them. What the recorded angle is does not change.
+    pub fn log_odds_in_session(&self, cause: MechanismKind) -> f64 {
+        if !self.tells(cause) {
+            return 0.0;
+        }
+        let was_there = self.log_odds(&[cause]).min(0.0);
+        if cause == MechanismKind::ServoFollowing {
+            return was_there;
+        }
+        libm::log(CHANGED_AFTER_RIG_TRIALS + (1.0 - CHANGED_AFTER_RIG_TRIALS) * libm::exp(was_there))
     }
 
     /// Whether the rig trials say nothing of `kind` but how late the torque is: so it is with a motor behind its command, and with a low-pass
@@ -117,11 +159,12 @@ impl RigKnowledge {
         (!late.is_empty()).then_some((delay_s, variance))
     }
 
-    /// The measured constants that causes can be about, each with the constants of a rig where that one is farther from its stated value by
+    /// The constants that causes can be about, each with the constants of a rig where that one is farther from its stated value by
     /// `part` of its distance.
     pub fn with_larger_deviations(&self, part: f64) -> Vec<(MechanismKind, RigConstants)> {
         let farther = |own: &ToldConstant| {
-            let measured = own.quantity.normal_coordinate(own.value);
+            let value = self.constants.value(own.quantity).unwrap_or(own.value);
+            let measured = own.quantity.normal_coordinate(value);
             // A channel without a low-pass is one of no time constant.
             let stated =
                 self.stated.value(own.quantity).map_or(0.0, |value| own.quantity.normal_coordinate(value));
@@ -252,27 +295,6 @@ pub fn expected_distance(kind: MechanismKind, value: f64, lever: Option<Lever>) 
     Some(deviation * deviation / (se * se + own.tolerance * own.tolerance))
 }
 
-/// The constants with each of the independent errors that the covariance of a calibration consists of.
-fn errors(calibration: &RigCalibration, constants: RigConstants) -> Vec<RigConstants> {
-    let known = calibration.covariance_of.iter().copied();
-    let quantities: Vec<RigQuantity> = known.filter(|own| constants.value(*own).is_some()).collect();
-    let se: Vec<f64> = quantities.iter().filter_map(|own| calibration.se(*own)).collect();
-    let correlation = DMatrix::from_fn(quantities.len(), quantities.len(), |i, j| {
-        calibration.covariance_between(quantities[i], quantities[j]).unwrap_or(0.0) / (se[i] * se[j])
-    });
-    let eigen = correlation.symmetric_eigen();
-    let law_nm = FRICTION_LAW_SD * constants.bearing_friction_nm;
-    let law = constants.with(RigQuantity::BearingFriction, constants.bearing_friction_nm + law_nm);
-    let with_error = |(place, variance): (usize, &f64)| {
-        let sd = libm::sqrt(variance.max(0.0));
-        quantities.iter().enumerate().fold(constants, |changed, (row, quantity)| {
-            let value = constants.value(*quantity).unwrap_or(0.0);
-            changed.with(*quantity, quantity.off_by(value, se[row], sd * eigen.eigenvectors[(row, place)]))
-        })
-    };
-    eigen.eigenvalues.iter().enumerate().map(with_error).chain((law_nm != 0.0).then_some(law)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -372,6 +394,17 @@ mod tests {
     }
 
     #[test]
+    fn a_constant_that_rig_trials_tell_can_be_off_in_the_session_only_if_it_was_then_or_has_changed() {
+        let (gain, friction) = (MechanismKind::TorqueGain, MechanismKind::JointFriction);
+        let sound = known(&[(RigQuantity::TorqueGain, 1.0, 0.002)]);
+        let odds = sound.log_odds_in_session(gain);
+        assert!(odds < libm::log(0.2) && odds > libm::log(CHANGED_AFTER_RIG_TRIALS), "{odds}");
+        assert!(known(&[(RigQuantity::TorqueGain, 1.0, 0.5)]).log_odds_in_session(gain).abs() < 0.1);
+        assert!(known(&[(RigQuantity::TorqueGain, 1.3, 0.002)]).log_odds_in_session(gain).abs() < 1e-12);
+        assert_eq!(sound.log_odds_in_session(friction), 0.0);
+    }
+
+    #[test]
     fn a_constant_that_nobody_measured_well_speaks_for_nothing() {
         let badly = known(&[(RigQuantity::LeverInertia, 0.0024, 0.0024)]);
         assert!(badly.log_odds(&[MechanismKind::LeverInertia]).abs() < 0.2);
@@ -389,9 +422,9 @@ mod tests {
     }
 
     #[test]
-    fn the_errors_of_the_constants_are_their_covariance() {
+    fn the_errors_of_constants_that_are_off_are_their_covariance() {
         let knowledge = known(&[
-            (RigQuantity::TorqueGain, 1.02, 0.002),
+            (RigQuantity::TorqueGain, 1.1, 0.002),
             (RigQuantity::TorqueCutoff, 200.0, 8.0),
             (RigQuantity::LeverInertia, 0.0016, 2e-5),
         ]);

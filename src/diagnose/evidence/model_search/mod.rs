@@ -44,6 +44,14 @@ pub struct ComparedModel {
     pub outliers: Vec<usize>,
 }
 
+impl ComparedModel {
+    /// Whether the session's trials are fitted with the mechanism `kind`. A cause that rig trials tell is not: their value is in the
+    /// constants of all fits.
+    pub fn fits(&self, kind: MechanismKind) -> bool {
+        self.posterior.added.contains(&kind)
+    }
+}
+
 /// All models that were compared.
 pub struct ModelSearch<'a> {
     observations: &'a Observations,
@@ -79,7 +87,7 @@ impl<'a> ModelSearch<'a> {
     }
 
     fn add(&mut self, causes: Vec<MechanismKind>, posterior: ModelPosterior, outliers: Vec<usize>) {
-        let log_odds = posterior.log_evidence - self.none_evidence + self.model_prior.log_odds(&causes);
+        let log_odds = posterior.log_evidence - self.none_evidence + self.prior_log_odds(&causes);
         tracing::debug!(
             ?causes,
             log_odds,
@@ -91,7 +99,13 @@ impl<'a> ModelSearch<'a> {
         self.models.push(ComparedModel { causes, log_odds, posterior, outliers });
     }
 
-    /// Adds the models in which a constant is off that rig trials tell, beside at most one other cause.
+    /// Logarithm of the odds, before the session, of a model whose `causes` its trials are fitted with.
+    fn prior_log_odds(&self, causes: &[MechanismKind]) -> f64 {
+        let by_rig_trials: f64 = causes.iter().map(|cause| self.prior.rig.log_odds_in_session(*cause)).sum();
+        self.model_prior.log_odds(causes) + by_rig_trials
+    }
+
+    /// Adds the models in which a constant was off during the rig trials, beside at most one other cause.
     ///
     /// All models are fitted with the constants as measured, so that such a cause changes no fit: the rig trials alone decide. It does not
     /// help to explain what came with the person.
@@ -99,7 +113,7 @@ impl<'a> ModelSearch<'a> {
         let told: Vec<MechanismKind> = self.prior.rig.told().collect();
         let mut added = Vec::new();
         for model in self.models.iter().filter(|model| model.causes.len() <= 1) {
-            for kind in &told {
+            for kind in told.iter().filter(|kind| !model.causes.contains(kind)) {
                 added.push((model, vec![*kind]));
             }
         }

@@ -52,7 +52,7 @@ impl ModelSearch<'_> {
                 let others = directions.filter(|direction| direction.kind != own.causes[0]);
                 let estimate = |direction: ProbedChange| {
                     let (gain, values) = self.linear_gain(&about, &direction)?;
-                    let prior = self.model_prior.log_odds(&[direction.kind]);
+                    let prior = self.prior_log_odds(&[direction.kind]);
                     let log_odds = own.log_odds + prior + gain + LINEAR_ERROR * gain.max(0.0);
                     Some(PairEstimate { log_odds, causes: [own.causes[0], direction.kind], values })
                 };

@@ -116,9 +116,8 @@ impl ModelSearch<'_> {
 
     /// Whether a cause is so probable beside none that the answer may not be that nothing is at work.
     fn might_be_reported(&self, found: &Found) -> bool {
-        let log_odds = |own: &ModelPosterior| {
-            own.log_evidence - self.none_evidence + self.model_prior.log_odds(&own.added)
-        };
+        let log_odds =
+            |own: &ModelPosterior| own.log_evidence - self.none_evidence + self.prior_log_odds(&own.added);
         let least = libm::log((1.0 - NAMED_PROBABILITY) / NAMED_PROBABILITY);
         found.0.iter().any(|own| log_odds(own) > least)
     }
