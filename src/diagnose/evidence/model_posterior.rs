@@ -10,6 +10,7 @@ use super::session_equations::{
     Design, Point, Products, Quadratic, REGRESSORS, ResidualProducts, Spreads, cost,
 };
 use super::session_prior::{AddedColumns, SessionPrior};
+use super::size_drift::gain_of_constant_sizes;
 use super::used_freedom::{Freedom, UsedFreedom, p_value_of};
 use crate::diagnose::interval::Interval;
 use crate::fit::{Fit, Observations, Solution, mechanism_ranges};
@@ -225,6 +226,11 @@ impl ModelPosterior {
         };
         let Here { fit, point, linear, products } = here;
         let freedoms = columns.freedoms(&fit, &unknowns);
+        let sizes = freedoms.iter().filter(|(freedom, _)| matches!(freedom, Freedom::Size(_)));
+        let sizes: Vec<Range<usize>> = sizes.map(|(_, places)| places.clone()).collect();
+        let values = &point.common + &quadratic.step.common - &design.common_mean;
+        let before_and_after = (&design.common_precision, &quadratic.common_covariance());
+        let log_evidence = log_evidence + gain_of_constant_sizes(&sizes, &values, before_and_after);
         Some(Self {
             added: added.to_vec(),
             fit,

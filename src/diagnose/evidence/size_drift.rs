@@ -1,14 +1,17 @@
 //! How sizes may change over a session: in proportion to the order of the trials, torque and velocity. So may that of a mechanism, and the
 //! deviation of a constant that rig trials measured.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::angle_error::{SMALLEST_SHIFT, change_against_record, with_other_constants};
+use super::gaussian::log_determinant;
 use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, Observations, TrialObservation};
+use crate::statistics::{log_determinant_of_factor, probabilities};
 use crate::wrist::mechanisms::{MechanismKind, SIZE_DRIFT_SD};
 
 /// Number of quantities with which a size may change: the order of the trials, torque and velocity.
@@ -37,6 +40,38 @@ pub fn drift_covariates(observations: &Observations) -> Vec<[f64; SIZE_DRIFTS]> 
 /// Standard deviations of the relative change of a mechanism's size, each over half the range of order, torque and velocity.
 pub fn drift_sds(kind: MechanismKind) -> [f64; SIZE_DRIFTS] {
     [SIZE_DRIFT_SD, kind.torque_scaling_sd(), SIZE_DRIFT_SD]
+}
+
+/// What the logarithm of a model's evidence gains since a mechanism's size may also be the same in all trials, with probability 1/2. `sizes`
+/// are the places of each mechanism's drifts among the unknowns, `values` the most probable ones, with their precision in the prior and
+/// their covariance after the session.
+///
+/// The odds of no drift against some, of normal prior, are those of the density at zero after the session and before it (Dickey 1971).
+pub fn gain_of_constant_sizes(
+    sizes: &[Range<usize>],
+    values: &DVector<f64>,
+    (precision, covariance): (&DMatrix<f64>, &DMatrix<f64>),
+) -> f64 {
+    let odds_where_constant = |which: usize| {
+        let constant = (0..sizes.len()).filter(|size| which & (1 << size) != 0);
+        let places: Vec<usize> = constant.flat_map(|size| sizes[size].clone()).collect();
+        if places.is_empty() {
+            return Some(0.0);
+        }
+        let block = |of: &DMatrix<f64>| {
+            DMatrix::from_fn(places.len(), places.len(), |i, j| of[(places[i], places[j])])
+        };
+        let at_zero = DVector::from_iterator(places.len(), places.iter().map(|place| values[*place]));
+        let after = block(covariance).cholesky()?;
+        let distance = at_zero.dot(&after.solve(&at_zero));
+        Some(
+            -0.5 * (distance
+                + log_determinant_of_factor(after.l_dirty())
+                + log_determinant(block(precision))?),
+        )
+    };
+    let log_odds: Vec<f64> = (0..1 << sizes.len()).filter_map(odds_where_constant).collect();
+    probabilities(&log_odds).1 - sizes.len() as f64 * std::f64::consts::LN_2
 }
 
 /// Changes of the constants that rig trials measured, over the session: a constant that is off may be off by more or less than the rig
@@ -192,10 +227,69 @@ mod tests {
         assert_eq!(again.columns, own.columns);
     }
 
+    /// Drifts of these values, each with this standard deviation after the session.
+    fn gain_where(values: &[f64], sd: f64) -> f64 {
+        let count = values.len();
+        let of = |variance: f64| DMatrix::from_diagonal_element(count, count, variance);
+        let sizes: Vec<Range<usize>> =
+            (0..count / SIZE_DRIFTS).map(|size| SIZE_DRIFTS * size..SIZE_DRIFTS * (size + 1)).collect();
+        let precision = of(1.0 / (SIZE_DRIFT_SD * SIZE_DRIFT_SD));
+        gain_of_constant_sizes(&sizes, &DVector::from_row_slice(values), (&precision, &of(sd * sd)))
+    }
+
+    #[test]
+    fn a_size_that_does_not_change_is_worth_what_the_drifts_lost_and_one_that_does_loses_half() {
+        let half = -std::f64::consts::LN_2;
+        // A session that says nothing of the drifts.
+        assert!(gain_where(&[0.0; 3], SIZE_DRIFT_SD).abs() < 1e-12);
+        let found = gain_where(&[0.0; 3], 0.1 * SIZE_DRIFT_SD);
+        assert!((found - (half + libm::log(1.0 + 1000.0))).abs() < 1e-9, "{found}");
+        let changing = gain_where(&[0.0, 0.2, 0.0], 0.1 * SIZE_DRIFT_SD);
+        assert!((changing - half).abs() < 1e-9, "{changing}");
+        // Of two mechanisms each is constant or not, whatever the other is.
+        let of_two = gain_where(&[0.0, 0.0, 0.0, 0.0, 0.2, 0.0], 0.1 * SIZE_DRIFT_SD);
+        assert!((of_two - (found + changing)).abs() < 1e-9, "{of_two}");
+        assert_eq!(
+            gain_of_constant_sizes(&[], &DVector::zeros(0), (&DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))),
+            0.0
+        );
+    }
+
+    /// The odds of no drift are those of two models of one value, with and without it.
+    #[test]
+    fn the_gain_of_a_constant_size_is_that_of_the_mixed_evidence() {
+        let (noise, drawn) = (0.05, 0.03);
+        let log_density = |variance: f64| -0.5 * (drawn * drawn / variance + libm::log(variance));
+        let prior = SIZE_DRIFT_SD * SIZE_DRIFT_SD;
+        let (without, with) = (log_density(noise * noise), log_density(noise * noise + prior));
+        let variance = 1.0 / (1.0 / prior + 1.0 / (noise * noise));
+        let mean = variance * drawn / (noise * noise);
+        let one = |value: f64| DMatrix::from_element(1, 1, value);
+        let values = DVector::from_element(1, mean);
+        let found = gain_of_constant_sizes(&[0..1], &values, (&one(1.0 / prior), &one(variance)));
+        let mixed = libm::log(0.5 * (libm::exp(without) + libm::exp(with)));
+        assert!((with + found - mixed).abs() < 1e-12, "{found}");
+    }
+
     #[test]
     fn a_constant_that_is_as_stated_does_not_change() {
         assert_eq!(drifts(&late_by(0.0)).2.variances.len(), 0);
         assert_eq!(drifts(&RigKnowledge::stated(Some(LEVER))).2.variances.len(), 0);
+    }
+
+    /// It was a drift of the torque, and `unexplained`: what rig trials tell was not looked for in the session's trials.
+    #[test]
+    fn a_delay_that_came_after_the_rig_trials_is_found_and_said_to_contradict_them() {
+        let view = PreprocessingSettings::default();
+        let late = session(MechanismKind::ChannelSkew, |_| vec![MEAN_S]);
+        let look = DiagnosisInput::of_rig(&late, view, &Model::paper(), late_by(0.0)).unwrap();
+        let found = diagnose(&look, &Model::paper(), 1, &|_| {});
+        let [cause] = found.causes.as_slice() else { panic!("{:?}", found.causes) };
+        assert_eq!(cause.kind, MechanismKind::ChannelSkew);
+        let delay = cause.values[0];
+        assert!((delay.value / MEAN_S - 1.0).abs() < 0.05, "{delay:?}");
+        let said = |remark: &String| remark.contains("the rig trials do not show channel_skew");
+        assert!(found.remarks.iter().any(said), "{:?}", found.remarks);
     }
 
     /// It was `unexplained`: a constant that rig trials had measured was the same in all trials.
