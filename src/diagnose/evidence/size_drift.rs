@@ -266,7 +266,11 @@ mod tests {
         let mean = variance * drawn / (noise * noise);
         let one = |value: f64| DMatrix::from_element(1, 1, value);
         let values = DVector::from_element(1, mean);
-        let found = gain_of_constant_sizes(&[0..1], &values, (&one(1.0 / prior), &one(variance)));
+        let found = gain_of_constant_sizes(
+            std::slice::from_ref(&(0..1)),
+            &values,
+            (&one(1.0 / prior), &one(variance)),
+        );
         let mixed = libm::log(0.5 * (libm::exp(without) + libm::exp(with)));
         assert!((with + found - mixed).abs() < 1e-12, "{found}");
     }
