@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use ramphold::fit::{EmgGaps, Observations, RigConstants, TrialObservation, predict};
+use ramphold::fit::{EmgGaps, FrictionLaw, Observations, RigConstants, TrialObservation, predict};
 use ramphold::rig::virtual_wrist::MechanismList;
 use ramphold::signal::FilterSpec;
 use ramphold::wrist::mechanisms::{CATALOGUE, Covariates, FREE_LAWS, MechanismKind};
@@ -141,6 +141,7 @@ impl NativeMotion {
         Self::of(Observations {
             lever: given.lever,
             constants: RigConstants::stated(given.lever),
+            friction_law: FrictionLaw::default(),
             period_s,
             samples,
             // The model starts at rest with the record.
