@@ -368,7 +368,7 @@ fn changed_after_rig_trials(cause: &Cause, rig: &RigKnowledge) -> Option<String>
     let is_fitted = matches!(cause.evidence, CauseEvidence::WithinTrial { .. });
     (is_fitted && rig.tells(cause.kind)).then(|| {
         format!(
-            "the rig trials do not show {}: it came after them, or with the person; repeat the rig trials and ramphold calibrate",
+            "{} is not as the rig trials show it: it came or changed after them, or with the person; repeat the rig trials and ramphold calibrate",
             cause.kind.id()
         )
     })

@@ -113,8 +113,7 @@ fn a_calibration_that_knows_the_gains_badly_is_not_taken_for_less_noise() {
 }
 
 #[test]
-fn what_no_mechanism_explains_lists_no_cause_that_is_not_at_work() {
-    // Delays that the person's trials contradict.
+fn a_delay_that_the_session_contradicts_has_changed_after_the_rig_trials() {
     let mut own = calibration(&[(RigQuantity::TorqueDelay, 0.001)]);
     let place = own.covariance_of.iter().position(|of| *of == RigQuantity::TorqueDelay).unwrap();
     own.covariance[place][place] = 1e-12;
@@ -122,11 +121,13 @@ fn what_no_mechanism_explains_lists_no_cause_that_is_not_at_work() {
     let workspace = workspace(&own, &["--calibration", FILE]);
     workspace.call(0, &["diagnose", "session"]);
     let found = json_of(&workspace, "session/results/diagnosis.json");
-    assert_eq!(found["verdict"], "unexplained");
-    assert!(found["probabilities"]["none_of_these"].as_f64().unwrap() > 0.5, "{}", found["probabilities"]);
-    for cause in found["causes"].as_array().unwrap() {
-        assert!(cause["probability"].as_f64().unwrap() > 0.05, "{cause}");
-    }
+    let causes = found["causes"].as_array().unwrap();
+    let named: Vec<&str> = causes.iter().filter_map(|cause| cause["mechanism"].as_str()).collect();
+    assert_eq!(named, ["channel_skew"], "{}", found["probabilities"]);
+    let delay_s = causes[0]["parameters"]["delay_s"]["value"].as_f64().unwrap();
+    assert!((delay_s + 0.001).abs() < 0.000_1, "on top of the measured delay: {delay_s}");
+    let remarks = found["remarks"].to_string();
+    assert!(remarks.contains("channel_skew is not as the rig trials show it"), "{remarks}");
 }
 
 #[test]

@@ -32,7 +32,7 @@ const LATE_SAMPLES: f64 = 2.0;
 
 /// Part of a rig's faults that come between its trials and the person's: a clamp that slips, an amplifier that was set anew, a calibration of
 /// another day. Assumed.
-const CHANGED_AFTER_RIG_TRIALS: f64 = 0.05;
+pub const CHANGED_AFTER_RIG_TRIALS: f64 = 0.05;
 
 /// The constants of a rig, and how well they are known.
 #[derive(Debug, Clone)]

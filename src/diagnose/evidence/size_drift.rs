@@ -292,7 +292,7 @@ mod tests {
         assert_eq!(cause.kind, MechanismKind::ChannelSkew);
         let delay = cause.values[0];
         assert!((delay.value / MEAN_S - 1.0).abs() < 0.05, "{delay:?}");
-        let said = |remark: &String| remark.contains("the rig trials do not show channel_skew");
+        let said = |remark: &String| remark.contains("channel_skew is not as the rig trials show it");
         assert!(found.remarks.iter().any(said), "{:?}", found.remarks);
     }
 

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use super::model_posterior::{LeastEvidence, ModelPosterior};
 use super::model_prior::ModelPrior;
+use super::rig_knowledge::CHANGED_AFTER_RIG_TRIALS;
 use super::session_prior::SessionPrior;
 use crate::fit::{Fit, K_DEC, K_SRS, Model, Observations, ParameterSpec, Transform, X_E};
 use crate::wrist::mechanisms::MechanismKind;
@@ -113,18 +114,25 @@ impl<'a> ModelSearch<'a> {
         let told: Vec<MechanismKind> = self.prior.rig.told().collect();
         let mut added = Vec::new();
         for model in self.models.iter().filter(|model| model.causes.len() <= 1) {
-            for kind in told.iter().filter(|kind| !model.causes.contains(kind)) {
+            for kind in &told {
                 added.push((model, vec![*kind]));
             }
         }
         for (place, one) in told.iter().enumerate() {
             added.extend(told[place + 1..].iter().map(|other| (&self.models[0], vec![*one, *other])));
         }
-        let extended = |(model, kinds): (&ComparedModel, Vec<MechanismKind>)| ComparedModel {
-            log_odds: model.log_odds + self.prior.rig.log_odds(&kinds) + self.model_prior.log_odds(&kinds),
-            causes: model.causes.iter().copied().chain(kinds).collect(),
-            posterior: model.posterior.clone(),
-            outliers: model.outliers.clone(),
+        let extended = |(model, kinds): (&ComparedModel, Vec<MechanismKind>)| {
+            // A cause that was at work during the rig trials, and that the session is fitted with as well, has changed between them.
+            let changed = kinds.iter().any(|kind| model.causes.contains(kind));
+            let prior =
+                if changed { libm::log(CHANGED_AFTER_RIG_TRIALS) } else { self.model_prior.log_odds(&kinds) };
+            let kept = model.causes.iter().copied().filter(|kind| !kinds.contains(kind));
+            ComparedModel {
+                log_odds: model.log_odds + self.prior.rig.log_odds(&kinds) + prior,
+                causes: kept.chain(kinds.iter().copied()).collect(),
+                posterior: model.posterior.clone(),
+                outliers: model.outliers.clone(),
+            }
         };
         let extended: Vec<ComparedModel> = added.into_iter().map(extended).collect();
         for own in &extended {
