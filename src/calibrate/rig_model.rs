@@ -8,6 +8,7 @@ use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, FittedConstants};
 use super::fourier::Fourier;
+use crate::wrist::built_up_friction;
 
 /// Number of times that the torques without a linear law are computed along the solution that contains them.
 const NONLINEAR_PASSES: usize = 2;
@@ -105,8 +106,7 @@ fn nonlinear_torques(
     torques
 }
 
-/// A bearing that gives before it slides, along a motion that begins at rest (Dahl 1976, with the exponent 1): dz/dx = 1/travel (sign of
-/// the speed - z).
+/// A bearing that gives before it slides, along a motion that begins at rest; see [`built_up_friction`].
 struct Presliding {
     /// Part of the friction that is of this kind.
     part: f64,
@@ -131,8 +131,7 @@ impl Presliding {
         }
         let way_rad = 0.5 * (self.speed_rad_s + speed_rad_s) * self.step_s;
         self.speed_rad_s = speed_rad_s;
-        let towards = way_rad.signum();
-        self.built_up = towards + (self.built_up - towards) * libm::exp(-way_rad.abs() / self.travel_rad);
+        self.built_up = built_up_friction(self.built_up, way_rad, self.travel_rad);
         of_speed + self.part * (self.built_up - of_speed)
     }
 }

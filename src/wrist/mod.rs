@@ -16,6 +16,7 @@ mod linear_response;
 mod mechanics;
 mod motion;
 mod plant;
+mod presliding;
 mod propagator;
 mod simulate;
 mod simulation;
@@ -31,6 +32,7 @@ pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };
+pub use presliding::built_up_friction;
 pub use simulate::{simulate, simulate_over};
 pub use simulation::{
     SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, runge_kutta_steps, steps_per_sample,

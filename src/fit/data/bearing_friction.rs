@@ -6,7 +6,7 @@
 
 use super::rig_constants::RigConstants;
 use crate::signal::{Section, filter};
-use crate::wrist::{Kinematics, Lever};
+use crate::wrist::{Kinematics, Lever, built_up_friction};
 
 /// Speed at which the friction is at 76 % of its full value, as a part of the ramp's: what rig trials are searched from.
 const FULL_AT: f64 = 0.01;
@@ -20,7 +20,7 @@ const LEAST_LAG: f64 = 0.01;
 /// By which law the friction of a bearing goes with its motion. The usual one is constant, against the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrictionLaw {
-    /// Part of it that builds up over a travel, as where the balls give before they roll (Dahl 1976, with the exponent 1).
+    /// Part of it that builds up over a travel, as where the balls give before they roll; see [`built_up_friction`].
     pub presliding_part: f64,
     /// That travel, rad.
     pub presliding_rad: f64,
@@ -38,8 +38,7 @@ impl FrictionLaw {
             before_rad = knot.theta;
             let mut part = *constant;
             if self.presliding_part != 0.0 {
-                let towards = way_rad.signum();
-                built_up = towards + (built_up - towards) * libm::exp(-way_rad.abs() / self.presliding_rad);
+                built_up = built_up_friction(built_up, way_rad, self.presliding_rad);
                 part += self.presliding_part * (built_up - constant);
             }
             part * (1.0 + self.growth * (knot.omega / velocity_rad_s).abs())
