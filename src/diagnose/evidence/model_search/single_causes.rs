@@ -6,7 +6,7 @@ use super::linear_estimate::LinearModel;
 use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, limit_restarts, starting_at};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
-use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
+use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism, mechanism_ranges};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -109,6 +109,8 @@ impl ModelSearch<'_> {
             found.extend(more);
             let more = self.started_at_other_limits(&found);
             found.extend(more);
+            let more = self.started_at_the_best(&found);
+            found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
         self.add_with_deviations(plain);
@@ -187,6 +189,30 @@ impl ModelSearch<'_> {
         rivals.par_iter().flat_map_iter(restarted).collect()
     }
 
+    /// Posteriors of the mechanisms within reach of the best one, from that one's base parameters: what is hard to tell apart has nearly the
+    /// same, and a fit that starts elsewhere may stay there.
+    fn started_at_the_best(&self, found: &Found) -> Vec<ModelPosterior> {
+        let (observations, prior) = (self.observations, &self.prior);
+        let Some(best) = found.0.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) else {
+            return Vec::new();
+        };
+        let base = self.without_deviations(best).with_mechanism_removed(observations, best.added[0]);
+        let gain = |own: &ModelPosterior| own.log_evidence - self.none_evidence;
+        let least = (DEVIATION_REACH * gain(best) - NEGLIGIBLE_LOG_ODDS).max(0.0);
+        let others: Vec<&ModelPosterior> =
+            found.0.iter().filter(|own| own.added != best.added && gain(own) > least).collect();
+        let restarted = |own: &&ModelPosterior| {
+            let kind = own.added[0];
+            let (_, range) =
+                own.fit.kinds.iter().zip(mechanism_ranges(&own.fit.kinds)).find(|(of, _)| **of == kind)?;
+            let model = starting_at(base.model.clone().with(kind), &own.fit.parameters[0][range]);
+            let start = base.with_model(observations, &model);
+            let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
+            ModelPosterior::with_exact_laws(observations, prior, &start, &[kind], Some(&own.spreads), least)
+        };
+        others.par_iter().filter_map(restarted).collect()
+    }
+
     /// Adds the models of a free law each.
     pub fn add_free_laws(&mut self) {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
@@ -231,17 +257,22 @@ mod tests {
     use crate::diagnose::within_trial::score_test::probe_context;
     use crate::fit::{Observations, PreprocessingSettings, Transform, Weighting, X_E};
 
-    /// A fit of a low-pass began at the elastic limits that the session has without one, and stayed there.
-    #[test]
-    fn a_rival_whose_elastic_limits_are_far_off_is_found_from_other_limits() {
-        let lag = MechanismKind::TorqueLag;
-        let session = session(lag, |_| vec![150.0]);
-        let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
-        let before = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+    /// A session with a low-pass in the torque channel.
+    fn observations() -> Observations {
+        let session = session(MechanismKind::TorqueLag, |_| vec![150.0]);
+        Observations::new(&session, PreprocessingSettings::default()).unwrap()
+    }
+
+    fn search(observations: &Observations) -> (Fit, SessionPrior) {
+        let before = Fit::new(observations, &Model::paper(), Weighting::MeasuredNoise);
         let rig = RigKnowledge::stated(Some(LEVER));
-        let prior = SessionPrior::new(&observations, &before, probe_context(&observations), rig);
-        let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
-        // No trial yields within the window.
+        let prior = SessionPrior::new(observations, &before, probe_context(observations), rig);
+        (before, prior)
+    }
+
+    /// The posterior of the low-pass from where no trial yields within the window.
+    fn held_without_yield(search: &ModelSearch) -> ModelPosterior {
+        let (observations, lag) = (search.observations, MechanismKind::TorqueLag);
         let start = search.start_with(&search.models[0].posterior, lag, &[150.0]);
         let mut solution = start.solution.clone();
         for (trial, transforms) in start.parameterisation.transforms.iter().enumerate() {
@@ -250,13 +281,40 @@ mod tests {
                     libm::log(3.0 * observations.peak_angle_rad(trial) / factor);
             }
         }
-        let start = start.at_solution(solution);
-        let least = LeastEvidence::NONE;
-        let held = ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[lag], None, least)
-            .unwrap();
+        let (start, least) = (start.at_solution(solution), LeastEvidence::NONE);
+        ModelPosterior::with_exact_laws(observations, &search.prior, &start, &[lag], None, least).unwrap()
+    }
+
+    /// A fit of a low-pass began at the elastic limits that the session has without one, and stayed there.
+    #[test]
+    fn a_rival_whose_elastic_limits_are_far_off_is_found_from_other_limits() {
+        let lag = MechanismKind::TorqueLag;
+        let observations = observations();
+        let (before, prior) = search(&observations);
+        let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
+        let held = held_without_yield(&search);
         let at_first = held.log_evidence;
         let mut found = Found(vec![held]);
         let more = search.started_at_other_limits(&found);
+        found.extend(more);
+        assert!(found.of(lag) > at_first + 10.0, "{} after {at_first}", found.of(lag));
+    }
+
+    /// A low-pass of 150 Hz lost by fifty units to a motor that follows its command, far below what counted as a rival.
+    #[test]
+    fn a_mechanism_that_stayed_elsewhere_is_found_from_the_parameters_of_the_best() {
+        let (lag, servo) = (MechanismKind::TorqueLag, MechanismKind::ServoFollowing);
+        let observations = observations();
+        let (before, prior) = search(&observations);
+        let search = ModelSearch::new(&observations, &before, prior, &[lag, servo]).unwrap();
+        let (none, least) = (&search.models[0].posterior, LeastEvidence::NONE);
+        let start = search.start_with(none, servo, &[150.0]);
+        let best =
+            ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[servo], None, least);
+        let held = held_without_yield(&search);
+        let at_first = held.log_evidence;
+        let mut found = Found(vec![held, best.unwrap()]);
+        let more = search.started_at_the_best(&found);
         found.extend(more);
         assert!(found.of(lag) > at_first + 10.0, "{} after {at_first}", found.of(lag));
     }
