@@ -6,6 +6,10 @@ use super::{BlockMotion, Multisine, Protocol, RampAndHold, RigLoad, RigTrialBloc
 /// the analysis must judge against (0.5 s, as in the hold of a trial).
 pub const RIG_SETTLE_S: f64 = 0.5;
 
+/// Time for which the record of a motion goes on after it, s: its Fourier coefficients describe it exactly only if the motor has come to rest
+/// where it began. A servo of 10 Hz has by then, to a ten-thousandth.
+pub const RIG_END_S: f64 = 0.2;
+
 /// Time between two rig trials with the same load, s: what still swings after a motion comes to rest. Assumed.
 pub const RIG_REST_S: f64 = 0.5;
 
@@ -147,12 +151,12 @@ impl RigMotion {
         }
     }
 
-    /// Duration from rest to rest at the start position, s.
+    /// Duration from rest to rest at the start position, s, with the time in which the motor comes to rest.
     pub fn duration_s(&self) -> f64 {
         match self {
             Self::Still { duration_s } => *duration_s,
-            Self::Ramp { movement, .. } => movement.duration_s(),
-            Self::Multisine(multisine) => multisine.duration_s(),
+            Self::Ramp { movement, .. } => movement.duration_s() + RIG_END_S,
+            Self::Multisine(multisine) => multisine.duration_s() + RIG_END_S,
         }
     }
 

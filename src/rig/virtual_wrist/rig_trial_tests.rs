@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::protocol::{GRAVITY_M_S2, Multisine, Protocol, RigLoad, Sweep};
+use crate::protocol::{GRAVITY_M_S2, Multisine, Protocol, RigLoad, RigMotion, Sweep};
 use crate::rig::LimitMonitor;
 use crate::wrist::Lever;
 
@@ -122,6 +122,20 @@ fn empty_handle_bar_spring_and_clamp_have_the_impedance_of_their_equations() {
         assert_close(of(bar), lever_impedance(0.0056, 0.0, frequency_hz), 0.01);
         assert_close(of(spring), lever_impedance(0.0016, 20.0, frequency_hz), 0.01);
         assert_close(of(RigLoad::ClampedHandle), [900.0, TAU * frequency_hz * 0.4], 0.01);
+    }
+}
+
+#[test]
+fn the_motor_is_at_rest_where_it_began_when_the_record_of_a_ramp_ends() {
+    let text = include_str!("../../../protocols/de-vlugt-2011-rig-trials.json");
+    let protocol = Protocol::parse(text, "protocol.json").unwrap();
+    for planned in protocol.rig_plan() {
+        let RigMotion::Ramp { .. } = planned.motion else { continue };
+        let samples = (planned.motion.duration_s() * RATE) as usize;
+        let record = run(quiet(Some(LEVER)), planned.load, samples, |t_s| planned.motion.at(t_s).angle_rad);
+        let last = record.last().unwrap();
+        assert!(last.theta_m_rad.abs() < 1e-6, "{} rad", last.theta_m_rad);
+        assert!(last.torque_l_nm.abs() < 1e-4, "{} N m", last.torque_l_nm);
     }
 }
 
