@@ -8,7 +8,7 @@ pub const RIG_SETTLE_S: f64 = 0.5;
 
 /// Time for which the record of a motion goes on after it, s: its Fourier coefficients describe it exactly only if the motor has come to rest
 /// where it began. A servo of 10 Hz has by then, to a ten-thousandth.
-pub const RIG_END_S: f64 = 0.2;
+const RIG_END_S: f64 = 0.2;
 
 /// Time between two rig trials with the same load, s: what still swings after a motion comes to rest. Assumed.
 pub const RIG_REST_S: f64 = 0.5;
