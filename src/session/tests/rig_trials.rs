@@ -78,9 +78,9 @@ fn the_motor_rests_then_makes_the_motion_and_ends_at_the_start_position() {
         // The target of the next sample is the angle that is commanded now.
         assert_eq!(bench.tick().target_rad, angle_rad);
     }
-    // The motion of 0.1 s, and 0.2 s in which the motor comes to rest.
+    // The motion of 0.1 s, and 0.2 s in which the motor comes to rest; their sum is rounded up.
     assert_eq!(motion.duration_s(), 0.1 + 0.2);
-    assert_eq!(sample, (motion.duration_s() * 500.0).ceil() as i32);
+    assert_eq!(sample, 151);
     assert_eq!(bench.command.motor, Motor::Follow { angle_rad: 0.0 });
 }
 
