@@ -193,9 +193,8 @@ impl<'a> ModelSearch<'a> {
         fit
     }
 
-    /// The fit of `posterior` with the mechanism `kind` at `values` in addition.
-    fn start_with(&self, posterior: &ModelPosterior, kind: MechanismKind, values: &[f64]) -> Fit {
-        let base = self.without_deviations(posterior);
+    /// `base` with the mechanism `kind` at `values` in addition.
+    fn start_with(&self, base: &Fit, kind: MechanismKind, values: &[f64]) -> Fit {
         let model = starting_at(base.model.clone().with(kind), values);
         base.with_model(self.observations, &model)
     }

@@ -101,7 +101,8 @@ impl ModelSearch<'_> {
             .par_iter()
             .filter_map(|own| {
                 let first = self.models.iter().find(|model| model.causes == [own.causes[0]])?;
-                let start = self.start_with(&first.posterior, own.causes[1], &own.values);
+                let base = self.without_deviations(&first.posterior);
+                let start = self.start_with(&base, own.causes[1], &own.values);
                 ModelPosterior::with_exact_laws(
                     observations,
                     prior,

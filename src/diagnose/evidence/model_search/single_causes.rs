@@ -132,8 +132,9 @@ impl ModelSearch<'_> {
     ) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let starts: Vec<&Start> = starts.collect();
+        let base = self.without_deviations(none);
         let posterior = |own: &&Start| {
-            let start = self.start_with(none, own.kind, &own.values);
+            let start = self.start_with(&base, own.kind, &own.values);
             let spreads = Some(&none.spreads);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[own.kind], spreads, least)
         };
@@ -205,8 +206,7 @@ impl ModelSearch<'_> {
             let kind = own.added[0];
             let (_, range) =
                 own.fit.kinds.iter().zip(mechanism_ranges(&own.fit.kinds)).find(|(of, _)| **of == kind)?;
-            let model = starting_at(base.model.clone().with(kind), &own.fit.parameters[0][range]);
-            let start = base.with_model(observations, &model);
+            let start = self.start_with(&base, kind, &own.fit.parameters[0][range]);
             let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
             ModelPosterior::with_exact_laws(observations, prior, &start, &[kind], Some(&own.spreads), least)
         };
@@ -273,7 +273,7 @@ mod tests {
     /// The posterior of the low-pass from where no trial yields within the window.
     fn held_without_yield(search: &ModelSearch) -> ModelPosterior {
         let (observations, lag) = (search.observations, MechanismKind::TorqueLag);
-        let start = search.start_with(&search.models[0].posterior, lag, &[150.0]);
+        let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0]);
         let mut solution = start.solution.clone();
         for (trial, transforms) in start.parameterisation.transforms.iter().enumerate() {
             if let Transform::Logarithmic { coordinate, factor } = transforms[X_E] {
@@ -307,8 +307,8 @@ mod tests {
         let observations = observations();
         let (before, prior) = search(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag, servo]).unwrap();
-        let (none, least) = (&search.models[0].posterior, LeastEvidence::NONE);
-        let start = search.start_with(none, servo, &[150.0]);
+        let least = LeastEvidence::NONE;
+        let start = search.start_with(&search.models[0].posterior.fit, servo, &[150.0]);
         let best =
             ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[servo], None, least);
         let held = held_without_yield(&search);
