@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::rig::Fault;
 use crate::rig::virtual_wrist::LOAD_CHANGE_S;
+use crate::rig::{Fault, MOTOR_MAY_HAVE_POWER};
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -88,6 +88,10 @@ impl Operator for CommandLineOperator {
 
     fn fault_occurred(&mut self, fault: Fault) {
         self.console.error(fault.told_when_armed());
+    }
+
+    fn power_not_confirmed(&mut self) {
+        self.console.error(MOTOR_MAY_HAVE_POWER);
     }
 
     // The motor of a virtual wrist harms nobody while this is written.

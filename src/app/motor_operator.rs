@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{CommandQuestions, SETS_ORIGIN_HERE};
-use crate::rig::Fault;
+use crate::rig::{Fault, MOTOR_MAY_HAVE_POWER};
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
 use super::Console;
@@ -88,6 +88,10 @@ impl Operator for MotorOperator {
 
     fn fault_occurred(&mut self, fault: Fault) {
         self.messages.error(fault.told_when_armed());
+    }
+
+    fn power_not_confirmed(&mut self) {
+        self.messages.error(MOTOR_MAY_HAVE_POWER.to_owned());
     }
 
     fn motion_deviated(&mut self, deviation: &MotionDeviation) {

@@ -9,7 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::step_feed::SampleCounter;
 use crate::dataset::{ActionOrigin, AuditEntry, AuditSender, OperatorAction};
-use crate::rig::{Fault, Vitals};
+use crate::rig::{Fault, MOTOR_MAY_HAVE_POWER, Vitals};
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
 /// Number of commands that can wait for the control loop.
@@ -214,6 +214,10 @@ impl Operator for CommandReceiver {
     fn fault_occurred(&mut self, fault: Fault) {
         let notice = OperatorNotice::Alarm(fault.told_when_armed());
         CommandSender(self.shared.clone()).notify(notice);
+    }
+
+    fn power_not_confirmed(&mut self) {
+        CommandSender(self.shared.clone()).notify(OperatorNotice::Alarm(MOTOR_MAY_HAVE_POWER.to_owned()));
     }
 
     fn motion_deviated(&mut self, deviation: &MotionDeviation) {

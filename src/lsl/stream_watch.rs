@@ -136,6 +136,10 @@ impl<R: Rig> Rig for WatchedRig<R> {
             Err((rig, fault)) => Err((Self { rig, streams }, fault)),
         }
     }
+
+    fn power_may_be_on(&self) -> bool {
+        self.rig.power_may_be_on()
+    }
 }
 
 impl<A: Armed> Armed for WatchedRig<A> {

@@ -84,11 +84,11 @@ impl Fault {
     pub fn told_when_armed(&self) -> String {
         match self {
             _ if self.power_may_be_on() => {
-                format!("fault, THE MOTOR MAY STILL HAVE POWER: {EMERGENCY_STOP}. {self}")
+                format!("fault, {MOTOR_MAY_HAVE_POWER}. {self}")
             }
             Self::Device(_) => format!("fault, the motor was made safe: {self}"),
-            // Found by the session, which stops the motor and then takes its power.
-            _ => format!("fault, the motor is being made safe: {self}"),
+            // Found by the session, which has stopped the motor since, and knows by itself whether the power is off.
+            _ => format!("fault: {self}"),
         }
     }
 
@@ -116,6 +116,9 @@ impl Fault {
 /// The value of a fault that says that the power may still be on.
 const POWER_NOT_CONFIRMED: &str = "power_not_confirmed";
 const EMERGENCY_STOP: &str = "press the emergency stop";
+
+/// What the operator is told when it could not be confirmed, after the motor was stopped, that it has no power.
+pub const MOTOR_MAY_HAVE_POWER: &str = "THE MOTOR MAY STILL HAVE POWER: press the emergency stop";
 
 /// Faults that call for the same reaction of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -17,7 +17,7 @@ mod unmeasured;
 pub mod virtual_wrist;
 
 pub use command::{Command, Cue, Direction, Motor, RigTrialStage, TrialKey, Upcoming, UpcomingRigTrial};
-pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
+pub use fault::{Channel, DeviceFault, Fault, FaultClass, MOTOR_MAY_HAVE_POWER, Quantity};
 pub use interface::{Armed, ArmingConsent, Origin, Punctuality, Rig, Vitals};
 pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};
 pub use recorded_channel::{ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals};

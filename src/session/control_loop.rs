@@ -27,6 +27,9 @@ pub trait Operator {
     /// Tells the operator that a fault stopped the session. The rig is disarmed.
     fn fault_occurred(&mut self, fault: Fault);
 
+    /// Tells the operator that it could not be confirmed, when the rig was disarmed, that the motor has no power.
+    fn power_not_confirmed(&mut self);
+
     /// Tells the operator that a trial was rejected because its motion was not as asked. The motor has power: must not
     /// block.
     fn motion_deviated(&mut self, _deviation: &MotionDeviation) {}
@@ -76,6 +79,9 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
                 emg_is_scaled = machine.progress().emg_factors().is_some();
                 // Nobody is told anything, and nothing is written down, before the motor has no power: both may block.
                 let rig = armed.disarm();
+                if rig.power_may_be_on() {
+                    operator.power_not_confirmed();
+                }
                 let (input, output) = ended?;
                 report(&input, &output, machine, operator, consumer)?;
                 rig

@@ -189,4 +189,7 @@ impl Operator for Unattended {
     fn fault_occurred(&mut self, fault: Fault) {
         self.fault = Some(fault);
     }
+
+    // A virtual wrist has none.
+    fn power_not_confirmed(&mut self) {}
 }

@@ -58,6 +58,9 @@ impl Operator for Starter {
     fn fault_occurred(&mut self, fault: Fault) {
         panic!("{fault}");
     }
+    fn power_not_confirmed(&mut self) {
+        panic!("a virtual wrist has no power");
+    }
 }
 
 /// Runs the session in `folder`; the number of operations that the disk was asked for.

@@ -429,6 +429,7 @@ impl Operator for EndsAtAFault {
         panic!("{fault}");
     }
     fn fault_occurred(&mut self, _: Fault) {}
+    fn power_not_confirmed(&mut self) {}
 }
 
 /// The faults are read from lines of version 0.1.0, so that the journals get the bytes that version 0.1.0 wrote; the

@@ -69,6 +69,7 @@ impl Connection {
         };
         let mut link = Link::new(bus, Arc::clone(&clock));
         let tolerate = &file.tolerate;
+        link.set_own_commands(file.own_commands());
         link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
         link.stretch(file.bench.map_or(1.0, |bench| bench.time_stretch));
         Self { file, clock, link, drive, is_real_time: false }
@@ -92,7 +93,7 @@ impl Connection {
         self.link.set_error_policy(ErrorPolicy::Count);
         self.link.drain()?;
         let end = self.link.now() + HEARD_INTERVALS * longest;
-        Ok(self.link.listen_for_other_master(master.node, end)?)
+        Ok(self.link.listen_for_other_master(end)?)
     }
 
     /// Checks the identity of the motor; writes limits, watchdogs and frames, and reads them back. The motor gets no power.

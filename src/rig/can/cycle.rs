@@ -157,6 +157,13 @@ impl Cycle {
         now.saturating_duration_since(self.synced) >= self.watchdog
     }
 
+    /// The handle stands at an angle, from which the first targets are counted.
+    pub fn stand_at(&mut self, angle_rad: f64) {
+        self.guard.stand(angle_rad);
+        self.targets = [angle_rad; PENDING_TARGETS];
+        self.answered_rad = angle_rad;
+    }
+
     /// Excuses a fault from now on: it is being reacted to, and may go on.
     pub fn excuse(&mut self, fault: &CanFault) {
         // Frames of a sensor that stay away are not waited for any more; those of the motor are never excused.

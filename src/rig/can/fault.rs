@@ -318,7 +318,7 @@ pub enum CanFault {
     },
     /// The drive does not know any more where the start position is.
     #[error(
-        "the drive has lost its origin (it was restarted) and its homing method cannot find it: begin the session anew with the handle at the start position"
+        "the drive has lost its origin (it was restarted, or its position sensor failed) and its homing method cannot find it: begin the session anew with the handle at the start position"
     )]
     OriginLost,
     /// The handle moved in a homing that takes its present place for the start position.

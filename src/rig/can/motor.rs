@@ -55,6 +55,8 @@ pub struct CanMotor {
     faults: Vec<CanFault>,
     /// The motor goes by the origin of an earlier process.
     pub(super) origin_is_adopted: bool,
+    /// It could not be confirmed that the motor has no power, when it was released last.
+    power_may_be_on: bool,
 }
 
 impl CanMotor {
@@ -69,6 +71,7 @@ impl CanMotor {
             emg_scale: [1.0; 2],
             faults: Vec::new(),
             origin_is_adopted: false,
+            power_may_be_on: false,
         }
     }
 
@@ -163,6 +166,7 @@ impl CanMotor {
     /// Removes the power. Returns whether that was confirmed.
     fn release(&mut self) -> bool {
         let released = self.connection.release();
+        self.power_may_be_on = released.is_err();
         // The fits and whatever else this thread does next need no real time.
         self.real_time = None;
         match released {
@@ -185,6 +189,10 @@ impl CanMotor {
 
 impl Rig for CanMotor {
     type Armed = ArmedCanMotor;
+
+    fn power_may_be_on(&self) -> bool {
+        self.power_may_be_on
+    }
 
     fn arm(mut self, consent: ArmingConsent, limits: &Limits) -> Result<ArmedCanMotor, (Self, Fault)> {
         // The dry run was made with the protocol's limits; others would need another.
@@ -268,6 +276,7 @@ impl ArmedCanMotor {
             looked += u32::from(self.cycle.has_new_readings());
         }
         self.target_rad = self.measured_rad()?;
+        self.cycle.stand_at(self.target_rad);
         let most = (ENABLE_S / self.cycle.period_s()).ceil() as u64;
         let mut following = 0;
         for _ in 0..most {
@@ -349,11 +358,14 @@ impl ArmedCanMotor {
         let Some(motor) = &mut self.motor else { return true };
         let chosen = safe_state::state_for(&fault, &motor.connection.file.safe_state);
         motor.record_fault(fault);
+        let is_in_dispute = matches!(fault, CanFault::Canopen(CanopenError::OtherMaster { .. }));
         let state = match self.cycle.state().rule().on_fault {
             _ if fault.bus_is_dead() => None,
             _ if fault == CanFault::Canopen(CanopenError::Interrupted) => Some(SafeState::QuickStop),
             OnFault::StaysOff => None,
             OnFault::Stop if chosen == SafeState::Hold => Some(SafeState::QuickStop),
+            // The targets of a hold would be in dispute with the other program's.
+            _ if is_in_dispute && chosen == SafeState::Hold => Some(SafeState::QuickStop),
             OnFault::Stop | OnFault::SafeState => Some(chosen),
             OnFault::QuickStop => Some(SafeState::QuickStop),
             OnFault::PowerOff => Some(SafeState::TorqueOff),

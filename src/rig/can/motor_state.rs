@@ -109,7 +109,7 @@ pub const STATES: &[StateRule] = {
             has_power: true,
             targets: AllowedTargets::MeasuredAngle,
             checks: &[MotorFrames, SensorFrames, WakeUp, Sensors, Torque, Angle, Speed, Bus],
-            on_fault: OnFault::SafeState,
+            on_fault: OnFault::Stop,
         },
         StateRule {
             state: MotorState::Following,

@@ -36,7 +36,7 @@ pub enum OriginError {
          limits would be shifted against the session's earlier trials. Put the handle where it stood when the session \
          began, then resume with --home-here; --yes alone does not say so",
         if *was_restarted {
-            "has lost the session's start position (it was restarted, or armed for something else)"
+            "has lost the session's start position (it was restarted, its position sensor failed, or it was armed for something else)"
         } else {
             "cannot show that it still has the session's start position"
         }

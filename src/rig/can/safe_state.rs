@@ -140,13 +140,13 @@ impl Stop<'_> {
         gentle.max(needed).min(limits.acceleration_rad_s2)
     }
 
-    /// Takes the power. A drive that shows in its frames that it keeps it is left to its own watchdog; what comes of it is asked for
+    /// Takes the power, even from a drive that shows none: it may have been told to take it since. A drive that shows in its frames that it keeps it is left to its own watchdog; what comes of it is asked for
     /// when the power is confirmed to be off.
     fn remove_power(&mut self) -> Result<(), CanFault> {
         let at_rad = self.cycle.target_motion().angle_rad;
         let mut seen = 0;
-        for _ in 0..PERIODS_TO_OBEY {
-            if self.is_off() {
+        for sent in 0..PERIODS_TO_OBEY {
+            if sent > 0 && self.is_off() {
                 return Ok(());
             }
             // Sent even if the periods before failed.

@@ -14,6 +14,7 @@ type Deeds = Rc<RefCell<Vec<&'static str>>>;
 struct Stray {
     deeds: Deeds,
     samples: u32,
+    keeps_power: bool,
 }
 
 impl Rig for Stray {
@@ -21,6 +22,10 @@ impl Rig for Stray {
 
     fn arm(self, _: ArmingConsent, _: &Limits) -> Result<Self, (Self, Fault)> {
         Ok(self)
+    }
+
+    fn power_may_be_on(&self) -> bool {
+        self.keeps_power
     }
 }
 
@@ -58,6 +63,9 @@ impl Operator for Witness {
     fn fault_occurred(&mut self, _: Fault) {
         self.0.borrow_mut().push("operator informed");
     }
+    fn power_not_confirmed(&mut self) {
+        self.0.borrow_mut().push("operator warned");
+    }
 }
 
 /// Writes down faults, or fails at the first sample.
@@ -81,9 +89,9 @@ impl StepConsumer for Pen {
     }
 }
 
-fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
+fn conducted(fails: bool, keeps_power: bool) -> (Vec<&'static str>, bool) {
     let deeds = Deeds::default();
-    let rig = Stray { deeds: deeds.clone(), samples: 0 };
+    let rig = Stray { deeds: deeds.clone(), samples: 0, keeps_power };
     let mut machine = Machine::new(Arc::new(settings()));
     let mut pen = Pen { deeds: deeds.clone(), fails };
     let ended = run_control_loop(rig, &mut machine, &mut Witness(deeds.clone()), &mut Unpaced, &mut pen);
@@ -93,14 +101,26 @@ fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
 
 #[test]
 fn a_fault_that_the_session_finds_is_told_and_written_down_when_the_motor_has_no_power() {
-    let (deeds, ended_well) = conducted(false);
+    let (deeds, ended_well) = conducted(false, false);
     assert!(ended_well);
     assert_eq!(deeds, ["motor made safe", "power off", "operator informed", "written down"]);
 }
 
 #[test]
 fn a_session_that_cannot_be_kept_leaves_a_motor_that_is_safe() {
-    let (deeds, ended_well) = conducted(true);
+    let (deeds, ended_well) = conducted(true, false);
     assert!(!ended_well);
     assert_eq!(deeds, ["pen broke", "motor made safe", "power off"]);
+}
+
+/// Only the log of the bus said so: the page and the terminal told of an ordinary end.
+#[test]
+fn the_operator_is_warned_of_a_motor_whose_power_is_not_known_to_be_off_before_anything_is_written_down() {
+    let (deeds, _) = conducted(false, true);
+    assert_eq!(
+        deeds,
+        ["motor made safe", "power off", "operator warned", "operator informed", "written down"]
+    );
+    let (deeds, _) = conducted(true, true);
+    assert_eq!(deeds, ["pen broke", "motor made safe", "power off", "operator warned"]);
 }

@@ -1,5 +1,11 @@
 //! Emergency messages (EMCY, CiA 301): error code, error register, five bytes of the manufacturer's.
 
+/// Whether an error code of CiA 402 is that of a sensor by which a drive knows its position: tachometers, resolvers, encoders (7300h to
+/// 7307h), and a wrong position (7320h).
+pub fn is_sensor_error(code: u16) -> bool {
+    matches!(code, 0x7300..=0x7307 | 0x7320)
+}
+
 /// The meaning of an emergency error code: CiA 301, and CiA 402 for what concerns drives.
 pub fn description(code: u16) -> &'static str {
     let exact = match code {

@@ -43,10 +43,10 @@ pub enum CanopenError {
     },
     /// Another program commands the nodes of this bus.
     #[error(
-        "another program commands this bus ({id:03X}h was heard): end its session first; nothing was sent"
+        "another program commands this bus: it sent {id:03X}h, which only this program may send. End it, then arm the motor again"
     )]
     OtherMaster {
-        /// SYNC, or a heartbeat with the node id of this program.
+        /// Of the frame that was heard.
         id: u16,
     },
     /// Too many frames of others.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::error::CanopenError;
 use super::nmt::{NmtCommand, NmtState};
+use super::own_commands::OwnCommands;
 use super::{cob, emergency};
 use crate::rig::can::bus::{Arrival, CanBus, ControllerError, Frame, Received};
 use crate::timing::Clock;
@@ -95,6 +96,7 @@ pub struct Link {
     bus: Box<dyn CanBus>,
     clock: Arc<dyn Clock>,
     beat: Option<(OwnHeartbeat, Instant)>,
+    own_commands: OwnCommands,
     watched: [Option<Watched>; MAX_NODES],
     error_policy: ErrorPolicy,
     tolerance: Tolerance,
@@ -103,6 +105,8 @@ pub struct Link {
     foreign_window: (Instant, u64),
     /// Nodes whose boot-up message came since it was last asked for, a bit each.
     booted: u128,
+    /// Nodes whose position sensor failed since it was last asked for, a bit each.
+    sensor_errors: u128,
     /// The latest emergency, for messages.
     last_emergency: Option<(u8, u16)>,
     counters: Counters,
@@ -125,12 +129,14 @@ impl Link {
             clock,
             bus,
             beat: None,
+            own_commands: OwnCommands::default(),
             watched: [None; MAX_NODES],
             error_policy: ErrorPolicy::Count,
             tolerance: Tolerance { error_frames: 0, garbled: 0, foreign_per_s: u32::MAX },
             before: Counters::default(),
             foreign_window: (now, 0),
             booted: 0,
+            sensor_errors: 0,
             last_emergency: None,
             counters: Counters::default(),
             time_stretch: 1.0,
@@ -164,6 +170,11 @@ impl Link {
     /// Error frames, garbled frames and foreign frames a second that are no fault.
     pub fn tolerate(&mut self, error_frames: u64, garbled: u64, foreign_per_s: u32) {
         self.tolerance = Tolerance { error_frames, garbled, foreign_per_s };
+    }
+
+    /// What nobody else may send on this bus.
+    pub fn set_own_commands(&mut self, own_commands: OwnCommands) {
+        self.own_commands = own_commands;
     }
 
     /// Everybody may take so many times as long to answer: on the bench, where time is stretched.
@@ -236,6 +247,16 @@ impl Link {
     /// What a node lost when it was restarted was set again.
     pub fn forget_boot_up(&mut self, node: u8) {
         self.booted &= !(1 << (node & 0x7F));
+    }
+
+    /// Whether a watched node has reported an error of a position sensor since [`Link::forget_sensor_error`].
+    pub fn has_sensor_error(&self, node: u8) -> bool {
+        self.sensor_errors & 1 << (node & 0x7F) != 0
+    }
+
+    /// What a node lost with its position sensor is known.
+    pub fn forget_sensor_error(&mut self, node: u8) {
+        self.sensor_errors &= !(1 << (node & 0x7F));
     }
 
     /// The latest emergency: node and code.
@@ -315,14 +336,14 @@ impl Link {
         Ok(())
     }
 
-    /// Listens until `end` for another program that commands this bus: for its SYNC, and for a heartbeat of `own_node`.
+    /// Listens until `end` for another program that commands this bus.
     ///
     /// # Errors
     /// [`CanopenError::OtherMaster`]
-    pub fn listen_for_other_master(&mut self, own_node: u8, end: Instant) -> Result<(), CanopenError> {
-        while let Some(Frame { id, .. }) = self.receive(end)? {
-            if id == cob::SYNC || id == cob::HEARTBEAT + u16::from(own_node) {
-                return Err(CanopenError::OtherMaster { id });
+    pub fn listen_for_other_master(&mut self, end: Instant) -> Result<(), CanopenError> {
+        while let Some(frame) = self.receive(end)? {
+            if self.own_commands.contains(&frame) {
+                return Err(CanopenError::OtherMaster { id: frame.id });
             }
             if self.now() >= end {
                 break;
@@ -397,6 +418,9 @@ impl Link {
                 if (0x701..=0x77F).contains(&frame.id) && frame.data() == [0] {
                     self.booted |= 1 << (frame.id & 0x7F);
                 }
+                if self.error_policy == ErrorPolicy::Fault && self.own_commands.contains(&frame) {
+                    return Err(CanopenError::OtherMaster { id: frame.id });
+                }
                 match frame.id {
                     0x700..=0x77F if self.minds(&frame) => {
                         self.heartbeat(&frame, arrival.latest).map(|()| None)
@@ -452,6 +476,9 @@ impl Link {
         let Some((code, register)) = emergency::parse(frame.data()) else { return Ok(()) };
         self.counters.emergencies += 1;
         self.last_emergency = Some((node, code));
+        if emergency::is_sensor_error(code) {
+            self.sensor_errors |= 1 << node;
+        }
         // Code 0 says that an error is gone.
         if self.error_policy == ErrorPolicy::Fault && code != 0 {
             return Err(CanopenError::Emergency { node, code, register });

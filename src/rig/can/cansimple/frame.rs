@@ -15,6 +15,29 @@ pub mod command {
     pub const SET_ABSOLUTE_POSITION: u16 = 0x19;
 }
 
+/// Commands that change what an axis does (ODrive documentation, CAN protocol): emergency stop, node id, parameters, state, mode, inputs,
+/// limits, motions, restart, errors, position, gains, update. All others are asked for, or reported.
+pub const COMMANDS_TO_AXIS: [u16; 18] = [
+    0x02,
+    0x06,
+    command::RX_SDO,
+    command::SET_AXIS_STATE,
+    command::SET_CONTROLLER_MODE,
+    command::SET_INPUT_POS,
+    0x0D,
+    0x0E,
+    command::SET_LIMITS,
+    0x11,
+    0x12,
+    0x13,
+    0x16,
+    command::CLEAR_ERRORS,
+    command::SET_ABSOLUTE_POSITION,
+    0x1A,
+    0x1B,
+    0x1F,
+];
+
 /// Axis state without power.
 pub const IDLE: u8 = 1;
 /// Axis state that follows targets.

@@ -17,3 +17,4 @@ mod frame;
 mod watchdog;
 
 pub use axis::Cansimple;
+pub use frame::COMMANDS_TO_AXIS;

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use super::device::Cia402;
 use super::object_setup::ObjectSetup;
 use super::power::{DRIVE_STATE_TIMEOUT, OBEDIENCE_TIMEOUT};
+use super::restart::{ARMED, BEING_ARMED};
 use crate::rig::Origin;
 use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{
@@ -69,18 +70,22 @@ impl Drive for Cia402 {
         start_nodes(link, &self.monitored_nodes())?;
         link.set_error_policy(ErrorPolicy::Fault);
         self.check_not_restarted(link)?;
-        let was_homed = self.homed;
-        if was_homed && self.takes_present_position() && !self.shows_lost_origin() {
+        let has_origin = self.homed && self.takes_present_position();
+        if has_origin && !self.shows_lost_origin() {
             let angle_rad = self.ask_angle(link)?;
             if angle_rad.abs() > HANDLE_AT_START_RAD {
                 return Err(CanFault::OriginNotConfirmed { angle_rad });
             }
         }
-        self.write_mark(link)?;
+        if !has_origin {
+            // Whatever ends this, nobody may take the place where the handle happens to be for an origin.
+            self.write_mark(link, BEING_ARMED)?;
+        }
         self.home(link, limits, monitor)?;
-        if !was_homed {
+        if !has_origin {
             // It had power meanwhile, and lost it again.
-            self.keeps_mark = Some(self.has_mark(link)? == Some(true));
+            self.keeps_mark = Some(self.mark(link)? == Some(BEING_ARMED));
+            self.write_mark(link, ARMED)?;
         }
         self.confirm_limits(link, limits)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
@@ -209,10 +214,10 @@ impl Drive for Cia402 {
         let mut setup = ObjectSetup::new(link, self.motor.node);
         self.check_units(&mut setup)?;
         setup.first_fault()?;
-        let takes_mark = self.has_mark(link)?.is_some();
+        let takes_mark = self.mark(link)?.is_some();
         self.keeps_mark = Some(takes_mark);
-        let was_restarted = self.shows_restart(link, limits, takes_mark)?;
-        let is_kept = (was_restarted || takes_mark).then_some(!was_restarted);
+        let is_lost = self.shows_restart(link, limits, takes_mark)? || self.shows_sensor_error(link)?;
+        let is_kept = (is_lost || takes_mark).then_some(!is_lost);
         Ok(OriginReport { is_kept, angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
@@ -245,6 +250,7 @@ impl Drive for Cia402 {
             }
             outcome => outcome?,
         }
+        let _ = self.forget_origin_after_sensor_error(link);
         // There is no power. From here on it need not mind us, and sends nothing but heartbeats; if that fails, it goes to
         // its fault state when our heartbeat ends.
         for node in self.monitored_nodes() {
@@ -281,8 +287,10 @@ impl Cia402 {
             Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark == Some(true))?,
             None => self.homed,
         };
-        // From here on a boot-up message says that the drive has lost what is written now.
+        self.forget_origin_after_sensor_error(setup.link)?;
+        // From here on a boot-up message says that the drive has lost what is written now, and an error of its sensor the origin.
         setup.link.forget_boot_up(self.motor.node);
+        setup.link.forget_sensor_error(self.motor.node);
         self.reset_fault(setup.link)?;
         self.confirm_no_power(setup.link, DRIVE_STATE_TIMEOUT)?;
         // Before anything is written that would hide it from the next who asks.

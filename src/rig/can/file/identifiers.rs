@@ -3,7 +3,32 @@
 
 use super::motors::MotorSettings;
 use super::rig_file::CanRigFile;
-use crate::rig::can::canopen::cob;
+use crate::rig::can::canopen::{OwnCommands, cob};
+use crate::rig::can::cansimple::COMMANDS_TO_AXIS;
+
+impl CanRigFile {
+    /// What only this program may send on the bus of the rig.
+    pub fn own_commands(&self) -> OwnCommands {
+        let mut ids = vec![cob::HEARTBEAT + u16::from(self.master.node)];
+        let mut nodes: Vec<u8> = self.sensors.iter().map(|sensor| sensor.node).collect();
+        match &self.motor {
+            MotorSettings::Cia402(motor) => {
+                ids.push(motor_target(motor.node));
+                nodes.push(motor.node);
+            }
+            MotorSettings::Cansimple(motor) => {
+                ids.extend(COMMANDS_TO_AXIS.iter().map(|command| u16::from(motor.node) << 5 | command));
+            }
+            MotorSettings::Mit(motor) => ids.push(motor.id),
+        }
+        OwnCommands::new(ids, nodes)
+    }
+}
+
+/// The target of a CiA 402 motor (RPDO 1).
+fn motor_target(node: u8) -> u16 {
+    0x200 + u16::from(node)
+}
 
 /// An identifier, or a block of them, and who uses it.
 struct Use {
@@ -38,7 +63,7 @@ fn uses(file: &CanRigFile) -> Vec<Use> {
         |id: u16, who: &str, path: &str| Use { ids: id..=id, who: who.to_owned(), path: path.to_owned() };
     let mut uses = match &file.motor {
         MotorSettings::Cia402(motor) => {
-            vec![one(0x200 + u16::from(motor.node), "the target of the motor (RPDO 1)", "motor.node")]
+            vec![one(motor_target(motor.node), "the target of the motor (RPDO 1)", "motor.node")]
         }
         MotorSettings::Cansimple(motor) => {
             let first = u16::from(motor.node) << 5;

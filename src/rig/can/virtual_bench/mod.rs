@@ -17,6 +17,7 @@
 //! obedience_tests  a drive that does not do what it says, or is told
 //! arming_tests     what must be known of a drive before it gets power
 //! rearm_tests      motors that cannot show their origin, armed again
+//! other_program_tests  another program that commands the same motor
 //! bench            arms a motor, lets a fault strike, says what became of it
 //! ```
 
@@ -28,6 +29,7 @@ mod obedience_tests;
 mod odrive_axis;
 mod origin_tests;
 mod other_motors;
+mod other_program_tests;
 mod property_tests;
 mod rearm_tests;
 mod servo_drive;

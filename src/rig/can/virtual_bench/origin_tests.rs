@@ -87,6 +87,60 @@ fn a_drive_that_was_restarted_is_homed_again_on_the_operators_word_only() {
     assert_eq!(arm(&bench, motor).unwrap().origin(), Some(Origin::SetHere));
 }
 
+/// The mark was written before the drive had its home, and outlived a homing that failed: the place where the handle was when the drive
+/// started passed for the session's origin.
+#[test]
+fn an_arming_whose_homing_failed_leaves_no_origin_that_could_be_kept() {
+    for fault in [BenchFault::TorqueInvalid, BenchFault::HomingStuck, BenchFault::HomingMisplaced(0.02)] {
+        let bench = with_method(37);
+        killed_at(&bench, 0.05);
+        bench.strike(BenchFault::Reboot);
+        bench.bus.world().wire.faults.clear();
+        let mut motor = bench.motor();
+        assert!(matches!(motor.resume_origin(true, true), Ok(ResumedOrigin::SetAnew { .. })));
+        bench.strike(fault);
+        assert!(arm(&bench, motor).is_err(), "{fault:?}");
+        bench.bus.world().wire.faults.clear();
+        let refused = bench.motor().resume_origin(true, false).unwrap_err();
+        assert_eq!(refused, OriginError::WordNeeded { was_restarted: true }, "{fault:?}");
+        let mut motor = bench.motor();
+        assert!(matches!(motor.resume_origin(true, true), Ok(ResumedOrigin::SetAnew { .. })), "{fault:?}");
+        assert_eq!(arm(&bench, motor).unwrap().origin(), Some(Origin::SetHere), "{fault:?}");
+    }
+}
+
+/// An encoder whose plug was loose counts nothing meanwhile, and the drive says so only until its fault is reset.
+#[test]
+fn a_drive_whose_encoder_failed_has_lost_its_origin_for_every_process() {
+    for code in [0x7300, 0x7305, 0x7306, 0x7320] {
+        let bench = with_method(37);
+        let mut armed = arm(&bench, bench.motor()).unwrap();
+        bench.strike(BenchFault::Error { code, fatal: true });
+        assert!((0..20).any(|_| armed.exchange(&follow(0.0)).is_err()));
+        let refused = arm(&bench, armed.disarm()).unwrap_err();
+        assert_eq!(refused.code(), "origin_lost", "{code:04X}h: {refused}");
+        let refused = bench.motor().resume_origin(true, false).unwrap_err();
+        assert_eq!(refused, OriginError::WordNeeded { was_restarted: true }, "{code:04X}h");
+    }
+    // While nobody listened.
+    let bench = with_method(37);
+    killed_at(&bench, 0.05);
+    bench.strike(BenchFault::Error { code: 0x7305, fatal: true });
+    let later = bench.clock.now() + Duration::from_secs(1);
+    bench.bus.world().run_until(later);
+    let refused = bench.motor().resume_origin(true, false).unwrap_err();
+    assert_eq!(refused, OriginError::WordNeeded { was_restarted: true });
+}
+
+#[test]
+fn a_drive_that_was_too_hot_has_kept_its_origin() {
+    let bench = with_method(37);
+    let mut armed = arm(&bench, bench.motor()).unwrap();
+    bench.strike(BenchFault::Error { code: 0x4310, fatal: true });
+    assert!((0..20).any(|_| armed.exchange(&follow(0.0)).is_err()));
+    assert_eq!(arm(&bench, armed.disarm()).unwrap().origin(), Some(Origin::Kept));
+}
+
 #[test]
 fn a_handle_that_the_kept_origin_has_elsewhere_contradicts_the_operators_word() {
     let bench = with_method(37);

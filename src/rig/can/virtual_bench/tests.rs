@@ -489,21 +489,3 @@ proptest! {
         prop_assert!(!outcome.has_power && !outcome.power_came_back, "{fault:?} at {at}");
     }
 }
-
-#[test]
-fn a_bus_that_another_program_commands_is_left_alone() {
-    use crate::rig::can::bus::{Arrival, Frame, Received};
-    for (kind, id) in [
-        (MotorKind::Cia402, 0x080),
-        (MotorKind::Cia402, 0x701),
-        (MotorKind::Cansimple, 0x701),
-        (MotorKind::Mit, 0x080),
-    ] {
-        let bench = Bench::new(kind);
-        let heard = crate::timing::Clock::now(&bench.clock) + Duration::from_millis(15);
-        bench.bus.world().wire.put(heard, Received::Frame(Frame::new(id, &[]), Arrival::at(heard)));
-        let fault = bench.arm().unwrap_err();
-        assert_eq!(fault.code(), "other_master", "{kind:?}: {fault}");
-        assert_eq!(bench.bus.world().frames_sent, 0, "{kind:?}: the motor of the other program is let go");
-    }
-}
