@@ -30,6 +30,7 @@ impl Operator for Starter {
     fn command_refused(&mut self, _: Event, _: Phase) {}
     fn arming_failed(&mut self, _: Fault) {}
     fn fault_occurred(&mut self, _: Fault) {}
+    fn power_not_confirmed(&mut self) {}
 }
 
 /// Consumer that keeps nothing.

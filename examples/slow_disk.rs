@@ -28,6 +28,7 @@ impl Operator for Starter {
     fn fault_occurred(&mut self, fault: Fault) {
         eprintln!("{fault}");
     }
+    fn power_not_confirmed(&mut self) {}
 }
 
 fn protocol() -> Result<ValidProtocol, Box<dyn std::error::Error>> {

@@ -75,6 +75,7 @@ impl AnalysedSession {
         let calibration = UsedCalibration::of_session(asked.calibration.as_deref(), folder)?;
         if let Some(used) = &calibration {
             used.announce(console);
+            checked.check_calibrated(folder, used, &asked.accept)?;
         }
         Ok(Self { checked, name: folder.display().to_string(), settings, calibration })
     }

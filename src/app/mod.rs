@@ -60,7 +60,7 @@ pub use pace::Pace;
 pub use protocol_text::{duration_text, rig_trials_text, trials_text};
 pub use question::ask;
 pub use requested_rig::RequestedRig;
-pub use results_folder::{ResultsFolder, check_has_none, check_out, lock_results};
+pub use results_folder::{ResultsFolder, check_has_none, check_out, folders_in, lock_results};
 pub use resume_request::ResumeRequest;
 pub use rig_calibration::{calibrate_given_rig, calibrate_rig, compare_given_rig, compare_rig};
 pub use seed::parse_seed;

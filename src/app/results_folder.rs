@@ -91,6 +91,25 @@ pub fn check_out(option: &str, path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// The folder in `out` for the results of each of `folders`: `out` itself for the only one, else one in it with the same name.
+///
+/// # Errors
+/// If two would share one.
+pub fn folders_in(out: &Path, folders: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let folder = |own: &PathBuf| match own.file_name() {
+        Some(name) if folders.len() > 1 => out.join(name),
+        _ => out.to_owned(),
+    };
+    let all: Vec<PathBuf> = folders.iter().map(folder).collect();
+    match all.iter().enumerate().find(|(index, own)| all[..*index].contains(own)) {
+        None => Ok(all),
+        Some((_, shared)) => Err(Failure::Usage(format!(
+            "two sessions have the folder name {}, so with --out their results would share one folder; do them separately",
+            shared.file_name().unwrap_or_default().display()
+        ))),
+    }
+}
+
 /// Checks that a folder that the operator named has none of the files or folders with these names, so that nothing is
 /// replaced and nothing of one session stands beside results of another.
 ///

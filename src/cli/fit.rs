@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, fit_table, folder_of_fit, lock_results, parse_seed, read_model, write_report,
+    check_has_none, check_out, fit_table, folder_of_fit, folders_in, lock_results, parse_seed, read_model,
+    write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
@@ -116,20 +117,8 @@ impl FitArgs {
     fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<Option<ResultsFolder>>, Failure> {
         let Some(out) = &self.out else { return Ok(vec![None; sessions.len()]) };
         check_out("--out", out)?;
-        let folder = |session: &PathBuf| match session.file_name() {
-            Some(name) if sessions.len() > 1 => out.join(name),
-            _ => out.clone(),
-        };
-        let folders: Vec<PathBuf> = sessions.iter().map(folder).collect();
-        for (index, folder) in folders.iter().enumerate() {
-            if folders[..index].contains(folder) {
-                return Err(Failure::Usage(format!(
-                    "two sessions have the folder name {}, so with --out their results would share one folder; fit them separately",
-                    folder.file_name().unwrap_or_default().display()
-                )));
-            }
-            check_has_none("--out", folder, &FIT_RESULTS)?;
-        }
+        let folders = folders_in(out, sessions)?;
+        folders.iter().try_for_each(|folder| check_has_none("--out", folder, &FIT_RESULTS))?;
         Ok(folders.into_iter().map(|folder| Some(ResultsFolder::Given(folder))).collect())
     }
 

@@ -3,13 +3,19 @@
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to, write_study_report};
+use crate::app::{
+    Console, Failure, ResultsFolder, check_has_none, check_out, folders_in, write_report_to,
+    write_study_report,
+};
 use crate::dataset::{self, session_folders};
 use crate::files::{EntryKind, Folder};
 use crate::report::ReportError;
 use crate::study::is_study;
 
 use super::verb::Verb;
+
+/// What a report consists of.
+const REPORT_FILES: [&str; 2] = ["report.html", "figures"];
 
 /// Write the report of sessions or studies: one HTML page that needs no network, and its figures as SVG.
 ///
@@ -49,16 +55,16 @@ impl Verb for ReportArgs {
             )));
         }
         let sessions = if sessions.is_empty() { sessions } else { session_folders(&sessions)? };
-        let several = sessions.len() + studies.len() > 1;
+        let mut outs = self.out_folders(&[&studies[..], &sessions].concat())?.into_iter();
         for study in &studies {
-            let out = self.out_of(study, several).unwrap_or_else(|| study.clone());
+            let out = outs.next().flatten().unwrap_or_else(|| study.clone());
             let page = write_study_report(study, &ResultsFolder::Given(out).open()?)?;
             writeln!(console.results(), "{}", page.display())?;
         }
         for session in &sessions {
             let results = ResultsFolder::OfSession(session.clone()).open()?;
             let beside = self.beside.as_deref().map(|beside| second_results(&results, beside)).transpose()?;
-            let out = match self.out_of(session, several) {
+            let out = match outs.next().flatten() {
                 None => results.clone(),
                 Some(out) => ResultsFolder::Given(out).open()?,
             };
@@ -71,11 +77,12 @@ impl Verb for ReportArgs {
 }
 
 impl ReportArgs {
-    /// The folder in `--out` for the report of `folder`: one in it where there are `several` reports.
-    fn out_of(&self, folder: &Path, several: bool) -> Option<PathBuf> {
-        let out = self.out.as_ref()?;
-        let name = folder.file_name().filter(|_| several);
-        Some(name.map_or_else(|| out.clone(), |name| out.join(name)))
+    /// The folder in `--out` for the report of each of `folders`, where nothing is replaced; none without `--out`.
+    fn out_folders(&self, folders: &[PathBuf]) -> Result<Vec<Option<PathBuf>>, Failure> {
+        let Some(out) = &self.out else { return Ok(vec![None; folders.len()]) };
+        let outs = folders_in(out, folders)?;
+        outs.iter().try_for_each(|own| check_has_none("--out", own, &REPORT_FILES))?;
+        Ok(outs.into_iter().map(Some).collect())
     }
 }
 

@@ -95,6 +95,17 @@ impl TrialsArgs {
         let session = dataset::load(&self.session)?;
         let amendments = Amendments::read(&self.session)?;
         let fit = read_stored_fit(&self.session)?.unwrap_or_default();
+        let digest = session.digest();
+        let made_from = fit.pointer("/made_from/session_sha256").and_then(serde_json::Value::as_str);
+        let fit = if made_from.is_some_and(|own| own != digest) {
+            let session = self.session.display();
+            console.message(format_args!(
+                "the fit was made before the session was changed, and is not shown; make it again with: ramphold fit {session}"
+            ));
+            serde_json::Value::Null
+        } else {
+            fit
+        };
         let mut out = console.results();
         writeln!(out, "trial  rad/s   N m   rep  status    VAF     marks")?;
         for trial in &session.trials {

@@ -35,7 +35,7 @@ pub use frozen_emg::check_frozen;
 pub use frozen_watch::{EmgChange, FrozenWatch};
 pub use measured_trial::MeasuredTrial;
 pub(crate) use repeated_record::first_repeated;
-pub use session_check::{check, contradictions};
+pub use session_check::{check, check_with_gains, contradictions};
 pub use signal_check::{SignalCheck, UnknownCheck};
 
 #[cfg(test)]

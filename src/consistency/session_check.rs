@@ -2,6 +2,7 @@
 
 use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
+use super::ramp::rounded;
 use super::signal_check::SignalCheck;
 use super::{
     clipped, emg, held_samples, hold, hold_jump, lever, onset, ramp, repeated_record, resistance, spike,
@@ -37,6 +38,45 @@ pub fn check(session: &Session, accepted: &[SignalCheck]) -> Result<Vec<Contradi
     let (known, refused): (Vec<_>, Vec<_>) =
         contradictions(session).into_iter().partition(|one| accepted.contains(&one.check));
     if refused.is_empty() { Ok(known) } else { Err(Contradictions(refused)) }
+}
+
+/// What speeds and torques say against the table of `session` once angle and torque are divided by the gains that a calibration found:
+/// units or loads that were wrong when the rig was measured make a sound session contradict its table.
+///
+/// # Errors
+/// The contradictions that are not among `accepted`.
+pub fn check_with_gains(
+    session: &Session,
+    [angle_gain, torque_gain]: [f64; 2],
+    accepted: &[SignalCheck],
+) -> Result<(), Contradictions> {
+    let corrected = |trial: &Trial| {
+        let mut trial = trial.clone();
+        trial.record.theta_m_rad.iter_mut().for_each(|value| *value /= angle_gain);
+        trial.record.torque_l_nm.iter_mut().for_each(|value| *value /= torque_gain);
+        MeasuredTrial::new(&trial, session.sample_rate_hz)
+    };
+    let usable = session.trials.iter().filter(|trial| trial.status == Status::Ok);
+    let measured: Vec<MeasuredTrial> = usable.filter_map(corrected).collect();
+    if measured.is_empty() {
+        return Ok(());
+    }
+    let found = ramp::check_ramps(&measured).into_iter().chain(hold::check_torque(&measured));
+    let refused: Vec<Contradiction> = found
+        .filter(|one| !accepted.contains(&one.check))
+        .map(|one| Contradiction {
+            measured: format!("corrected by the calibration of the rig, {}", one.measured),
+            likely_mistake: Some(format!(
+                "By the calibration the angle is recorded {} and the torque {} times as large as it is, and without it they are as \
+                 stated. Were the rig trials in other units, or the masses, arms and inertias of their loads not as stated?",
+                rounded(angle_gain),
+                rounded(torque_gain)
+            )),
+            remedy: "Correct rig-trials.csv and give ramphold calibrate again, or analyse the session with --calibration none.".into(),
+            ..one
+        })
+        .collect();
+    if refused.is_empty() { Ok(()) } else { Err(Contradictions(refused)) }
 }
 
 /// What the motion and the torque of `trials` say.

@@ -1,6 +1,6 @@
 //! Mistakes that a session can have and still parse, each made in a sound session.
 
-use super::{SignalCheck, contradictions};
+use super::{SignalCheck, check_with_gains, contradictions};
 use crate::dataset::{Record, Session, Status, Subject, Trial};
 use crate::wrist::Lever;
 
@@ -448,4 +448,26 @@ fn a_torque_that_is_stated_as_0() {
         }
     };
     assert_eq!(failed(relaxed), []);
+}
+
+/// Weights on half the arm that was stated made both gains two, and the fit's numbers wrong by a factor of two.
+#[test]
+fn a_calibration_that_makes_a_sound_session_contradict_its_table_is_refused_with_what_may_be_wrong() {
+    let session = sound();
+    assert_eq!(check_with_gains(&session, [1.0, 1.0], &[]), Ok(()));
+    assert_eq!(check_with_gains(&session, [1.2, 0.8], &[]), Ok(()), "such a rig may be");
+    for (gains, check) in [
+        ([2.0, 1.0], SignalCheck::RampSpeed),
+        ([0.5, 1.0], SignalCheck::RampSpeed),
+        ([1.0, 2.0], SignalCheck::SteadyTorque),
+    ] {
+        let found = check_with_gains(&session, gains, &[]).unwrap_err();
+        assert_eq!(found.0.iter().map(|one| one.check).collect::<Vec<_>>(), [check], "{gains:?}");
+        let told = found.to_string();
+        assert!(
+            told.contains("corrected by the calibration") && told.contains("--calibration none"),
+            "{told}"
+        );
+        assert_eq!(check_with_gains(&session, gains, &[check]), Ok(()));
+    }
 }

@@ -323,6 +323,12 @@ pub enum DatasetError {
         /// Each record.
         files: Vec<String>,
     },
+    /// The same session twice.
+    #[error("{at}: is given twice; name each session once")]
+    GivenTwice {
+        /// Its folder.
+        at: FilePlace,
+    },
     /// The same trial number twice.
     #[error("{at}: trial {number} is already in line {first_line}; expected each number once")]
     DuplicateTrial {

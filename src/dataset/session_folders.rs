@@ -11,7 +11,7 @@ use crate::files::{EntryKind, FileRefusal, Folder};
 /// folder is not followed: it may lead anywhere.
 ///
 /// # Errors
-/// If a folder cannot be read, or a link in it leads to a session.
+/// If a folder cannot be read, a link in it leads to a session, or a session is given twice.
 pub fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, DatasetError> {
     let mut found = Vec::new();
     for path in given {
@@ -24,6 +24,13 @@ pub fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, DatasetError> 
             found.push(path.clone());
         }
         found.append(&mut inside);
+    }
+    // Links and ways with .. lead to the same place by another name.
+    let place = |folder: &PathBuf| folder.canonicalize().unwrap_or_else(|_| folder.clone());
+    let places: Vec<PathBuf> = found.iter().map(place).collect();
+    if let Some(index) = (1..places.len()).find(|index| places[..*index].contains(&places[*index])) {
+        let at = FilePlace::file(found[index].display().to_string());
+        return Err(DatasetError::GivenTwice { at });
     }
     Ok(found)
 }

@@ -19,18 +19,25 @@ const LIKELY_ANGLE_UNITS: [SignalUnit; 2] = [SignalUnit::Degree, SignalUnit::Mil
 const LIKELY_TORQUE_UNITS: [SignalUnit; 3] =
     [SignalUnit::NewtonMillimetre, SignalUnit::NewtonCentimetre, SignalUnit::PoundInch];
 
-/// Refuses ramps and torques beyond what a limb can do, with the unit that would make them possible.
-pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportError> {
+/// A trial whose angle or torque is so many times that of the others is in another unit: a degree, the nearest, is 57 times smaller than a
+/// radian.
+const OTHER_UNIT: f64 = 50.0;
+
+/// Refuses ramps and torques beyond what a limb can do, with the unit that would make them possible, and a trial of `sources` in another
+/// unit than the others.
+pub fn check_units(trials: &[Trial], sources: &[String], mapping: &Mapping) -> Result<(), ImportError> {
     let range = |values: &[f64]| {
         let (least, most) = values
             .iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(*value), b.max(*value)));
         most - least
     };
-    let middle = |of: &dyn Fn(&Trial) -> f64| upper_median(trials.iter().map(of)).unwrap_or(0.0);
-    let angle_rad = middle(&|trial| range(&trial.record.theta_m_rad));
-    let torque_nm =
-        middle(&|trial| trial.record.torque_l_nm.iter().fold(0.0, |most: f64, own| most.max(own.abs())));
+    let middle = |of: &[f64]| upper_median(of.iter().copied()).unwrap_or(0.0);
+    let ramps: Vec<f64> = trials.iter().map(|trial| range(&trial.record.theta_m_rad)).collect();
+    let largest =
+        |trial: &Trial| trial.record.torque_l_nm.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
+    let torques: Vec<f64> = trials.iter().map(largest).collect();
+    let (angle_rad, torque_nm) = (middle(&ramps), middle(&torques));
     let columns = &mapping.columns;
     if angle_rad > LARGEST_RAMP_RAD {
         let what = format!("the ramps turn the joint by {angle_rad:.3} rad, half a trial's or more");
@@ -52,7 +59,24 @@ pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportErro
             &LIKELY_TORQUE_UNITS,
         ));
     }
-    Ok(())
+    let other = |what: &str, at: usize, times: f64| {
+        Err(ImportError::Implausible {
+            reason: format!(
+                "{}: its {what} is {times:.3} times that of the other trials: is this file in another unit? Convert it, or take it out",
+                sources[at]
+            ),
+        })
+    };
+    if let Some(at) =
+        ramps.iter().position(|own| *own > OTHER_UNIT * angle_rad || *own < angle_rad / OTHER_UNIT)
+    {
+        return other("ramp", at, ramps[at] / angle_rad);
+    }
+    // A torque of nothing is honest.
+    match torques.iter().position(|own| *own > OTHER_UNIT * torque_nm) {
+        Some(at) => other("torque", at, torques[at] / torque_nm),
+        None => Ok(()),
+    }
 }
 
 /// A quantity that is `times` as large as it can be.

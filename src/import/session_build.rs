@@ -89,7 +89,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
             reason: format!("{reason}; check the column and the unit of the angle"),
         });
     }
-    check_units(&trials, mapping)?;
+    check_units(&trials, &sources, mapping)?;
     let speeds = grouped(&measured.iter().map(|own| own.middle_speed_rad_s).collect::<Vec<_>>());
     let torques = grouped(&measured.iter().map(|own| own.hold_nm).collect::<Vec<_>>());
     let conditions: Vec<(f64, f64)> = speeds.into_iter().zip(torques).collect();

@@ -150,6 +150,9 @@ impl ShiftedParameter {
     }
 }
 
+/// A short-range phase of 20 to 40 ms (de Vlugt et al. 2011) does not change by this, s: a change in ms does.
+const LARGEST_X_T_CHANGE_S: f64 = 0.04;
+
 impl FromStr for ParameterShift {
     type Err = String;
 
@@ -167,7 +170,13 @@ impl FromStr for ParameterShift {
             SHIFTED_PARAMETERS.iter().find(|(_, own, _)| *own == word).map(|(parameter, _, _)| *parameter);
         let by =
             by.parse::<f64>().ok().filter(|by| by.is_finite() && *by > -0.95 && *by < 10.0 && *by != 0.0);
-        Ok(Self { parameter: parameter.ok_or_else(expected)?, by: by.ok_or_else(expected)? })
+        let (parameter, by) = (parameter.ok_or_else(expected)?, by.ok_or_else(expected)?);
+        if parameter == ShiftedParameter::SrsPeriod && by.abs() >= LARGEST_X_T_CHANGE_S {
+            return Err(format!(
+                "x_t changes by a time in s, such as x_t=0.002; {by} s is longer than the short range lasts"
+            ));
+        }
+        Ok(Self { parameter, by })
     }
 }
 
@@ -414,6 +423,16 @@ fn condition_grid(study: &Study) -> ConditionGrid {
 mod tests {
     use super::super::study_file::StudyFit;
     use super::*;
+
+    /// In milliseconds it gave a confident number of subjects, and an effect of the other sign.
+    #[test]
+    fn a_change_of_x_t_that_is_no_time_in_seconds_is_refused() {
+        assert!("x_t=0.002".parse::<ParameterShift>().is_ok());
+        for text in ["x_t=2", "x_t=-0.5", "x_t=0.04"] {
+            let told = text.parse::<ParameterShift>().unwrap_err();
+            assert!(told.contains("time in s"), "{told}");
+        }
+    }
 
     #[test]
     fn a_study_that_cannot_be_tested_is_not_one_that_finds_nothing() {

@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 
 use crate::fit_input::sound;
-use crate::workspace::{Workspace, files};
+use crate::workspace::{Workspace, copy_folder, files};
 
 fn page(workspace: &Workspace, folder: &str) -> String {
     fs::read_to_string(workspace.path(folder).join("report.html")).unwrap()
@@ -79,6 +79,42 @@ fn results_of_a_session_that_was_changed_since_are_not_shown() {
     let is_result =
         |file: &&String| ["fit.csv", "fit.json", "diagnosis.json"].iter().any(|end| file.ends_with(end));
     assert_eq!(exported.keys().find(is_result), None, "no number of before the change");
+}
+
+/// The second of two sessions with one name replaced the report of the first, and so did a report the operator's own file.
+#[test]
+fn a_report_elsewhere_replaces_nothing() {
+    let workspace = fitted();
+    workspace.call(0, &["report", "session", "--out", "page"]);
+    let first = page(&workspace, "page");
+    let (_, told) = workspace.call(2, &["report", "session", "--out", "page"]);
+    assert!(told.contains("report.html") && told.contains("not overwritten"), "{told}");
+    assert_eq!(page(&workspace, "page"), first);
+
+    copy_folder(&workspace.path("session"), &workspace.path("other/session"));
+    let (_, told) = workspace.call(2, &["report", "session", "other/session", "--out", "both"]);
+    assert!(told.contains("the folder name session"), "{told}");
+    assert!(!workspace.path("both").exists(), "nothing was written");
+    for verb in [&["report"][..], &["export", "--bids", "bids"], &["fit"]] {
+        let sessions = ["session", "other/../session"];
+        let (_, told) = workspace.call(2, &[verb, &sessions].concat());
+        assert!(told.contains("given twice"), "{verb:?}: {told}");
+    }
+    assert!(!workspace.path("bids").exists());
+}
+
+#[test]
+fn trials_are_listed_without_the_numbers_of_a_fit_of_before() {
+    let workspace = fitted();
+    let (listed, _) = workspace.call(0, &["trials", "session"]);
+    assert!(listed.contains("0.9") || listed.contains("1.0000"), "with its VAF: {listed}");
+    let table = workspace.path("session/trials.csv");
+    let text = fs::read_to_string(&table).unwrap();
+    fs::write(&table, text.replace("2.6,0.9,1,0.3,ok", "2.6,0.9,1,0.3,rejected")).unwrap();
+    let (listed, told) = workspace.call(0, &["trials", "session"]);
+    assert!(told.contains("the fit was made before the session was changed"), "{told}");
+    let vafs = listed.lines().skip(1).filter_map(|line| line.split_whitespace().nth(5));
+    assert!(vafs.into_iter().all(|vaf| vaf == "-"), "{listed}");
 }
 
 #[test]

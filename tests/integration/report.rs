@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use sha2::Digest;
 
-use crate::workspace::{QUICK, Workspace};
+use crate::workspace::{QUICK, Workspace, copy_folder};
 
 impl Workspace {
     /// A folder with a session that was run and fitted.
@@ -267,19 +267,6 @@ fn notes_stand_apart_from_incidents_and_emg_has_its_panel_and_its_section() {
     let page = fs::read_to_string(notes.join("results/report.html")).unwrap();
     assert!(page.contains("Notes of the operator") && page.contains("electrodes checked"));
     assert!(!page.contains("note: electrodes checked"));
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy_folder(&entry.path(), &target)
-        } else {
-            fs::copy(entry.path(), target).map(|_| ()).unwrap()
-        }
-    }
 }
 
 #[test]

@@ -252,7 +252,7 @@ mod tests {
 
     /// Number of errors that trials share, with a calibration of this friction.
     fn shared_errors(friction_nm: f64) -> usize {
-        let session = session(MechanismKind::TorqueLag, |_| vec![2000.0]);
+        let session = session(MechanismKind::TorqueLag, |_| vec![2000.0, 1.0]);
         let rig = measured_rig(&[(RigQuantity::BearingFriction, friction_nm, 0.000_1)], None);
         let observations =
             Observations::of_rig(&session, PreprocessingSettings::default(), rig.constants).unwrap();

@@ -101,6 +101,12 @@ impl Fit {
         self.solution.cost()
     }
 
+    /// Parameters of a mechanism in the first trial; `None` if the model does not have it.
+    pub fn parameters_of(&self, kind: MechanismKind) -> Option<&[f64]> {
+        let place = self.kinds.iter().position(|own| *own == kind)?;
+        Some(&self.parameters[0][mechanism_ranges(&self.kinds)[place].clone()])
+    }
+
     /// Parameters of the last mechanism of the model; empty if the model has no mechanism.
     pub fn last_mechanism_parameters(&self) -> &[f64] {
         match mechanism_ranges(&self.kinds).pop() {

@@ -263,6 +263,24 @@ fn units_that_no_limb_has_are_refused_with_those_that_explain_them() {
     assert!(told.contains("are equal in every sample"), "{told}");
 }
 
+/// Its row of the table became one of 74 rad/s, and the others were fitted together with it.
+#[test]
+fn one_file_in_another_unit_than_the_others_is_refused_by_its_name() {
+    let others = || (1..=3).map(|number| table(&format!("t{number}.csv"), columns(1.3)));
+    for (column, factor, what) in
+        [(1, 57.3, "ramp is 57"), (1, 1.0 / 57.3, "ramp is 0.017"), (2, 100.0, "torque is 100")]
+    {
+        let mut own = columns(1.3);
+        let first = own[column][0];
+        own[column].iter_mut().for_each(|value| {
+            *value = if column == 1 { 5.0 + (*value - first) * factor } else { *value * factor }
+        });
+        let tables: Vec<SourceTable> = others().chain([table("other.csv", own)]).collect();
+        let told = import(tables, &mapping()).unwrap_err().to_string();
+        assert!(told.contains("other.csv") && told.contains(what) && told.contains("another unit"), "{told}");
+    }
+}
+
 #[test]
 fn times_of_another_unit_or_rate_are_refused_with_what_to_write() {
     let refused = |change: &dyn Fn(&mut Mapping)| {

@@ -84,7 +84,7 @@ impl FromIterator<(MechanismKind, Vec<f64>)> for MechanismList {
 struct Written {
     /// Id in the catalogue.
     mechanism: String,
-    /// Values of its parameters, every one by its name.
+    /// Values of its parameters, every one by its name; the order of a low-pass may be left out, and is 1 then.
     parameters: BTreeMap<String, f64>,
 }
 
@@ -127,12 +127,15 @@ impl TryFrom<Vec<Written>> for MechanismList {
                 let known: Vec<&str> = CATALOGUE.iter().map(|kind| kind.id()).collect();
                 return Err(MechanismListError::Id { found: mechanism, known: known.join(", ") });
             };
-            let values: Vec<f64> = kind
+            let mut values: Vec<f64> = kind
                 .parameters()
                 .iter()
                 .filter_map(|parameter| parameters.get(parameter.name).copied())
                 .collect();
-            if values.len() != parameters.len()
+            let are_all_known = values.len() == parameters.len();
+            let last = kind.parameters().last().filter(|last| !parameters.contains_key(last.name));
+            values.extend(last.and_then(|_| kind.laws().first()));
+            if !are_all_known
                 || values.len() != kind.parameters().len()
                 || values.iter().any(|value| !value.is_finite())
             {
@@ -183,6 +186,19 @@ mod tests {
         assert_eq!(read.parameters, [0.05, 1.0, 0.005]);
         let again: MechanismList = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
         assert_eq!(again, read);
+    }
+
+    #[test]
+    fn a_low_pass_without_an_order_is_of_first_order() {
+        let list = |parameters: &str| {
+            let text = format!(r#"[{{"mechanism":"torque_lag","parameters":{parameters}}}]"#);
+            serde_json::from_str::<MechanismList>(&text)
+        };
+        assert_eq!(list(r#"{"cutoff_hz":150}"#).unwrap().parameters, [150.0, 1.0]);
+        assert_eq!(list(r#"{"cutoff_hz":150,"order":2}"#).unwrap().parameters, [150.0, 2.0]);
+        for wrong in [r#"{"order":2}"#, r#"{"cutoff_hz":150,"rank":2}"#, "{}"] {
+            assert!(list(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

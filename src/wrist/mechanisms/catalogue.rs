@@ -99,6 +99,11 @@ macro_rules! catalogue {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::SUBTRACTED_FREQUENCY,)* Self::Free(_) => None }
             }
 
+            /// Values of its last parameter for which its law is compared; see [`Mechanism::LAWS`].
+            pub fn laws(self) -> &'static [f64] {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::LAWS,)* Self::Free(_) => &[] }
+            }
+
             /// Starting value of a fit for parameter number `parameter`, in a rig with this lever.
             pub fn starting_value(self, parameter: usize, lever: Option<Lever>) -> f64 {
                 match self { $($(#[$condition])? Self::$name => $module::$name::starting_value(parameter, lever),)* Self::Free(law) => law.starting_value(parameter) }

@@ -81,6 +81,9 @@ pub trait Mechanism {
     const EVIDENCE: EvidenceSource;
     /// Its parameters.
     const PARAMETERS: &'static [MechanismParameter];
+    /// Values of its last parameter, which no fit changes, for which its law is compared. They are equally probable, and the first is
+    /// that of a file that gives none. Empty for a mechanism with one law.
+    const LAWS: &'static [f64] = &[];
     /// Its equation in plain text: `x'` is the rate of x, `x += y` adds y to a torque of Eq. 3-7.
     const EQUATION: &'static str;
     /// Source of its functional form.

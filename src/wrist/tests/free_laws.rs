@@ -48,7 +48,7 @@ fn a_free_law_contains_the_named_laws_of_its_place() {
     assert_imitates(JointSpeed, &line(-1.0, 6.0, 0.1), MechanismKind::JointDamping, &[0.1 + 1e-5]);
     let lag = [0.04, 0.0, 0.0, 0.0, 1.0];
     let cutoff_hz = 1.0 / (std::f64::consts::TAU * 0.04);
-    assert_imitates(TorqueChannelPastTorque, &lag, MechanismKind::TorqueLag, &[cutoff_hz]);
+    assert_imitates(TorqueChannelPastTorque, &lag, MechanismKind::TorqueLag, &[cutoff_hz, 1.0]);
     assert_imitates(TorqueChannelTorque, &line(-5.0, 50.0, 0.1), MechanismKind::TorqueGain, &[1.1]);
     let gain = line(-0.1, 0.2, 1.0 / 1.1 - 1.0);
     assert_imitates(AngleChannelAngle, &gain, MechanismKind::AngleGain, &[1.1]);

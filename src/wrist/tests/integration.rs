@@ -152,7 +152,7 @@ fn the_error_of_steps_with_a_mechanism_stays_below_a_fifth_of_a_millinewtonmetre
 }
 
 #[test]
-fn a_low_pass_of_any_cutoff_is_followed_at_every_rate_and_lever() {
+fn a_low_pass_of_any_cutoff_and_order_is_followed_at_every_rate_and_lever() {
     let stiff = Lever { inertia_kg_m2: 0.0008, damping_nm_s_per_rad: 0.5, stiffness_nm_per_rad: 2500.0 };
     let kinds = [MechanismKind::TorqueLag];
     let MechanismParameter { low, high, .. } = MechanismKind::TorqueLag.parameters()[0];
@@ -163,9 +163,9 @@ fn a_low_pass_of_any_cutoff_is_followed_at_every_rate_and_lever() {
     {
         let (period_s, samples) = (1.0 / rate_hz, (0.040 * rate_hz) as usize);
         let trial = ramp_sampled(3.25, period_s);
-        for number in 0..CUTOFFS {
+        for (number, order) in (0..CUTOFFS).flat_map(|number| [(number, 1.0), (number, 2.0)]) {
             let cutoff_hz = low * libm::pow(high / low, f64::from(number) / f64::from(CUTOFFS - 1));
-            let parameters: Vec<f64> = PERSON.into_iter().chain([cutoff_hz]).collect();
+            let parameters: Vec<f64> = PERSON.into_iter().chain([cutoff_hz, order]).collect();
             let with = |substeps| {
                 let own = settings(&kinds, &[], &[]);
                 let settings =
@@ -174,8 +174,10 @@ fn a_low_pass_of_any_cutoff_is_followed_at_every_rate_and_lever() {
             };
             let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
             let error = largest_difference(&with(steps), &with(256));
-            assert!(error < 1e-4, "{error:e} N m of {cutoff_hz} Hz at {rate_hz} Hz, {steps} steps");
-            assert!(steps as f64 * rate_hz < 1e5, "{steps} steps of {cutoff_hz} Hz at {rate_hz} Hz");
+            let what = format!("{cutoff_hz} Hz of order {order} at {rate_hz} Hz, {steps} steps");
+            assert!(error < 1e-4, "{error:e} N m, {what}");
+            // The second order of the same delay is faster by the square root of three.
+            assert!(steps as f64 * rate_hz < 1e5 * libm::sqrt(2.0 * order - 1.0), "{what}");
         }
     }
 }
@@ -205,4 +207,33 @@ fn half_the_steps_make_sixteen_times_the_error() {
     assert!((10.0..25.0).contains(&of_runge_kutta), "Runge-Kutta is of fourth order: {of_runge_kutta}");
     let of_exact = ratio(exact(1), exact(2));
     assert!((10.0..80.0).contains(&of_exact), "a cubic yield is at least of fourth order: {of_exact}");
+}
+
+/// Its step response, by the formula of a system of second order with the poles of a Bessel filter.
+#[test]
+fn a_low_pass_of_second_order_is_a_bessel_filter_of_the_same_delay() {
+    let trial = ramp_sampled(2.6, 1e-3);
+    let kinds = [MechanismKind::TorqueLag];
+    let torque = |kinds: &[MechanismKind], own: &[f64]| {
+        let parameters: Vec<f64> = PERSON.iter().chain(own).copied().collect();
+        let settings = SimulationSettings {
+            lever: None,
+            substeps: 64,
+            period_s: 1e-3,
+            samples: 40,
+            lead_samples: 0,
+            ..settings(kinds, &[], &[])
+        };
+        run(&settings, &trial, &parameters).torque_nm
+    };
+    let (passed, first, second) =
+        (torque(&[], &[]), torque(&kinds, &[400.0, 1.0]), torque(&kinds, &[400.0, 2.0]));
+    // Where the torque rises evenly, both are late by the same time; where it begins to, the second order less.
+    let lag_s = 1.0 / (std::f64::consts::TAU * 400.0);
+    let slope = (passed[14] - passed[10]) / 4e-3;
+    for filtered in [&first, &second] {
+        let late_s = (passed[12] - filtered[12]) / slope;
+        assert!((late_s - lag_s).abs() < 0.1 * lag_s, "{late_s} s");
+    }
+    assert!(first.iter().zip(&second).any(|(a, b)| (a - b).abs() > 1e-3), "they differ");
 }

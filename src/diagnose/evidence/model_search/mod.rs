@@ -100,10 +100,11 @@ impl<'a> ModelSearch<'a> {
         self.models.push(ComparedModel { causes, log_odds, posterior, outliers });
     }
 
-    /// Logarithm of the odds, before the session, of a model whose `causes` its trials are fitted with.
+    /// Logarithm of the odds, before the session, of a model whose `causes` its trials are fitted with, each by one of its laws.
     fn prior_log_odds(&self, causes: &[MechanismKind]) -> f64 {
+        let by_law: f64 = causes.iter().map(|cause| -libm::log(cause.laws().len().max(1) as f64)).sum();
         let by_rig_trials: f64 = causes.iter().map(|cause| self.prior.rig.log_odds_in_session(*cause)).sum();
-        self.model_prior.log_odds(causes) + by_rig_trials
+        self.model_prior.log_odds(causes) + by_law + by_rig_trials
     }
 
     /// Adds the models in which a constant was off during the rig trials, beside at most one other cause.

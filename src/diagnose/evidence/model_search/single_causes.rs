@@ -6,7 +6,7 @@ use super::linear_estimate::LinearModel;
 use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, limit_restarts, starting_at};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
-use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism, mechanism_ranges};
+use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -111,6 +111,8 @@ impl ModelSearch<'_> {
             found.extend(more);
             let more = self.started_at_the_best(&found);
             found.extend(more);
+            let more = self.started_with_other_laws(&found);
+            found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
         self.add_with_deviations(plain);
@@ -190,6 +192,41 @@ impl ModelSearch<'_> {
         rivals.par_iter().flat_map_iter(restarted).collect()
     }
 
+    /// Posteriors of the mechanisms within reach of the best, by their other laws: a part of the session may not tell which is the better.
+    fn started_with_other_laws(&self, found: &Found) -> Vec<ModelPosterior> {
+        let (observations, prior) = (self.observations, &self.prior);
+        let restarted = |own: &ModelPosterior| {
+            let kind = own.added[0];
+            let base = self.without_deviations(own).with_mechanism_removed(observations, kind);
+            let values = own.fit.parameters_of(kind)?;
+            let (law, values) = values.split_last()?;
+            let others = kind.laws().iter().filter(|other| *other != law);
+            let posterior = |other: &f64| {
+                let start = self.start_with(&base, kind, &[values, &[*other]].concat());
+                let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
+                ModelPosterior::with_exact_laws(
+                    observations,
+                    prior,
+                    &start,
+                    &[kind],
+                    Some(&own.spreads),
+                    least,
+                )
+            };
+            Some(others.filter_map(posterior).collect::<Vec<_>>())
+        };
+        let rivals: Vec<&ModelPosterior> = self.within_reach(found).collect();
+        rivals.into_par_iter().filter_map(restarted).flatten_iter().collect()
+    }
+
+    /// The mechanisms within reach of the best one.
+    fn within_reach<'b>(&self, found: &'b Found) -> impl Iterator<Item = &'b ModelPosterior> + use<'b> {
+        let none_evidence = self.none_evidence;
+        let gain = move |own: &ModelPosterior| own.log_evidence - none_evidence;
+        let least = (DEVIATION_REACH * (found.best() - none_evidence) - NEGLIGIBLE_LOG_ODDS).max(0.0);
+        found.0.iter().filter(move |own| gain(own) > least)
+    }
+
     /// Posteriors of the mechanisms within reach of the best one, from that one's base parameters: what is hard to tell apart has nearly the
     /// same, and a fit that starts elsewhere may stay there.
     fn started_at_the_best(&self, found: &Found) -> Vec<ModelPosterior> {
@@ -198,15 +235,11 @@ impl ModelSearch<'_> {
             return Vec::new();
         };
         let base = self.without_deviations(best).with_mechanism_removed(observations, best.added[0]);
-        let gain = |own: &ModelPosterior| own.log_evidence - self.none_evidence;
-        let least = (DEVIATION_REACH * gain(best) - NEGLIGIBLE_LOG_ODDS).max(0.0);
         let others: Vec<&ModelPosterior> =
-            found.0.iter().filter(|own| own.added != best.added && gain(own) > least).collect();
+            self.within_reach(found).filter(|own| own.added != best.added).collect();
         let restarted = |own: &&ModelPosterior| {
             let kind = own.added[0];
-            let (_, range) =
-                own.fit.kinds.iter().zip(mechanism_ranges(&own.fit.kinds)).find(|(of, _)| **of == kind)?;
-            let start = self.start_with(&base, kind, &own.fit.parameters[0][range]);
+            let start = self.start_with(&base, kind, own.fit.parameters_of(kind)?);
             let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
             ModelPosterior::with_exact_laws(observations, prior, &start, &[kind], Some(&own.spreads), least)
         };
@@ -257,9 +290,9 @@ mod tests {
     use crate::diagnose::within_trial::score_test::probe_context;
     use crate::fit::{Observations, PreprocessingSettings, Transform, Weighting, X_E};
 
-    /// A session with a low-pass in the torque channel.
-    fn observations() -> Observations {
-        let session = session(MechanismKind::TorqueLag, |_| vec![150.0]);
+    /// A session with a low-pass of this order in the torque channel.
+    fn observations(order: f64) -> Observations {
+        let session = session(MechanismKind::TorqueLag, |_| vec![150.0, order]);
         Observations::new(&session, PreprocessingSettings::default()).unwrap()
     }
 
@@ -273,7 +306,7 @@ mod tests {
     /// The posterior of the low-pass from where no trial yields within the window.
     fn held_without_yield(search: &ModelSearch) -> ModelPosterior {
         let (observations, lag) = (search.observations, MechanismKind::TorqueLag);
-        let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0]);
+        let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0, 1.0]);
         let mut solution = start.solution.clone();
         for (trial, transforms) in start.parameterisation.transforms.iter().enumerate() {
             if let Transform::Logarithmic { coordinate, factor } = transforms[X_E] {
@@ -289,7 +322,7 @@ mod tests {
     #[test]
     fn a_rival_whose_elastic_limits_are_far_off_is_found_from_other_limits() {
         let lag = MechanismKind::TorqueLag;
-        let observations = observations();
+        let observations = observations(1.0);
         let (before, prior) = search(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
         let held = held_without_yield(&search);
@@ -304,7 +337,7 @@ mod tests {
     #[test]
     fn a_mechanism_that_stayed_elsewhere_is_found_from_the_parameters_of_the_best() {
         let (lag, servo) = (MechanismKind::TorqueLag, MechanismKind::ServoFollowing);
-        let observations = observations();
+        let observations = observations(1.0);
         let (before, prior) = search(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag, servo]).unwrap();
         let least = LeastEvidence::NONE;
@@ -317,5 +350,28 @@ mod tests {
         let more = search.started_at_the_best(&found);
         found.extend(more);
         assert!(found.of(lag) > at_first + 10.0, "{} after {at_first}", found.of(lag));
+    }
+
+    /// A filter of higher order was held to be a motor that follows its command, with a probability of 1.000.
+    #[test]
+    fn a_low_pass_of_second_order_is_found_from_one_of_first_order() {
+        let lag = MechanismKind::TorqueLag;
+        let observations = observations(2.0);
+        let (before, prior) = search(&observations);
+        let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
+        let least = LeastEvidence::NONE;
+        let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0, 1.0]);
+        let first =
+            ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[lag], None, least);
+        let first = first.unwrap();
+        let at_first = first.log_evidence;
+        let mut found = Found(vec![first]);
+        let more = search.started_with_other_laws(&found);
+        found.extend(more);
+        let second = found.take(lag).unwrap();
+        assert!(second.log_evidence > at_first + 3.0, "{} after {at_first}", second.log_evidence);
+        let [cutoff_hz, order] = second.fit.parameters_of(lag).unwrap() else { panic!("two parameters") };
+        assert_eq!(*order, 2.0);
+        assert!((120.0..190.0).contains(cutoff_hz), "{cutoff_hz}");
     }
 }
