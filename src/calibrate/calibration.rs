@@ -104,31 +104,45 @@ pub fn calibrate(
     let of_data = found.of_data()?;
     for (check, place) in loads.iter_mut().zip(RigCoordinates::first_load()..) {
         if check.difference.is_none() {
-            check.by_rig =
-                Some(load_by_rig(&deviations, effect_of_load(&deviations, &found, &of_data, place)));
+            let effect = effect_of_loads(&deviations, &found, &of_data, &[place]);
+            check.by_rig = effect.map(|effect| load_by_rig(&deviations, effect));
         }
     }
+    // Weights hang on one arm: they agree with each other when it is not as stated.
+    let weights: Vec<usize> = (loads.iter().zip(RigCoordinates::first_load()..))
+        .filter(|(check, _)| matches!(check.load, RigLoad::KnownWeight { .. }) && check.difference.is_some())
+        .map(|(_, place)| place)
+        .collect();
+    let all_weights = (weights.len() > 1)
+        .then(|| effect_of_loads(&deviations, &found, &of_data, &weights))
+        .flatten()
+        .map(|effect| load_by_rig(&deviations, effect));
     calibration.warnings =
         loads.iter().filter_map(|check| disagreement(check, &misfit).or_else(|| doubt(check))).collect();
+    calibration.warnings.extend(all_weights.and_then(doubt_of_arm));
     Ok(CalibrationOutcome { calibration, misfit, loads })
 }
 
-/// Change of each deviation with true over stated value of the load whose coordinate is at `place`. The scatter of whole trials is no part
-/// of it: it follows from the covariance `of_data` alone.
-fn effect_of_load(
+/// Change of each deviation with true over stated value of the loads whose coordinates are at `places`, all alike. The scatter of whole
+/// trials is no part of it: it follows from the covariance `of_data` alone. `None` if the loads' covariance has no inverse.
+fn effect_of_loads(
     deviations: &RigDeviations,
     found: &RigCovariance,
     of_data: &DMatrix<f64>,
-    place: usize,
-) -> DVector<f64> {
+    places: &[usize],
+) -> Option<DVector<f64>> {
+    let own = DMatrix::from_fn(places.len(), places.len(), |i, j| of_data[(places[i], places[j])]);
+    let weights = own.cholesky()?.solve(&DVector::from_element(places.len(), 1.0));
     let effect = |own: &ToldConstant| {
         let coordinate = RigQuantity::ALL.iter().position(|name| *name == own.quantity).unwrap_or_default();
         // A cut-off falls as its coordinate, the time constant, rises.
         let sign = if own.quantity == RigQuantity::TorqueCutoff { -1.0 } else { 1.0 };
         let per_coordinate = sign * own.se / libm::sqrt(found.covariance[(coordinate, coordinate)]);
-        own.slope * per_coordinate * of_data[(coordinate, place)] / of_data[(place, place)]
+        let followed =
+            places.iter().zip(weights.iter()).map(|(place, weight)| of_data[(coordinate, *place)] * weight);
+        own.slope * per_coordinate * followed.sum::<f64>()
     };
-    DVector::from_iterator(deviations.told.len(), deviations.told.iter().map(effect))
+    Some(DVector::from_iterator(deviations.told.len(), deviations.told.iter().map(effect)))
 }
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
@@ -212,4 +226,16 @@ fn doubt(check: &LoadCheck) -> Option<String> {
         named_load(check.load),
         100.0 * difference,
     ))
+}
+
+/// The warning of weights that agree with each other, and with which the rig is not as stated.
+fn doubt_of_arm(all: LoadByRig) -> Option<String> {
+    let LoadByRig { probability, difference } = all;
+    (probability > 0.5).then(|| {
+        format!(
+            "the known weights are probably all {:+.0} % from their stated torques (probability {probability:.2}): with them as stated, the \
+             gains of torque and angle are off by one factor, and no other load tells both; measure arm_m and mass_kg again",
+            100.0 * difference,
+        )
+    })
 }

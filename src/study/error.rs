@@ -189,6 +189,19 @@ pub enum StudyIssue {
         /// The first condition without a value.
         first: String,
     },
+    /// A session's first record is that of another session.
+    #[error(
+        "{subject}: the first record in {place} is that of {other}, byte by byte: is it one session under two names? The rows are in \
+         study.csv and in no other table"
+    )]
+    CopiedSession {
+        /// The subject's identifier.
+        subject: String,
+        /// The session's folder.
+        place: String,
+        /// The subject whose session came first.
+        other: String,
+    },
     /// A subject appears twice.
     #[error(
         "{subject}: appears twice (the second time in {place}). Only the first is in the tables; if these are repeated sessions of one \

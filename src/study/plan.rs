@@ -58,7 +58,7 @@ struct MeasuredSession {
     folder: PathBuf,
     subject: String,
     session: u32,
-    /// Whether the session is kept out of the tables: another protocol, or a subject that appears twice.
+    /// Whether the session is kept out of the tables: another protocol, a subject that appears twice, or the records of another session.
     excluded: bool,
 }
 
@@ -265,12 +265,20 @@ fn measured_units(
     }
     let mut units: Vec<MeasuredSession> = Vec::new();
     let mut reference: Option<(String, ValidProtocol)> = None;
+    let mut records: BTreeMap<[u8; 32], String> = BTreeMap::new();
     for (subject, folders) in subjects {
         for (folder, session) in folders.into_iter().zip(1..) {
             let mut excluded = session > 1 && !measured.repeated;
             if excluded {
                 let place = folder.display().to_string();
                 issues.push(StudyIssue::DuplicateSubject { subject: subject.clone(), place });
+            }
+            if let Some(record) = first_record(&folder)
+                && let Some(other) = records.insert(record, subject.clone())
+            {
+                let place = folder.display().to_string();
+                issues.push(StudyIssue::CopiedSession { subject: subject.clone(), place, other });
+                excluded = true;
             }
             let protocol = stored_protocol(&folder).ok().flatten();
             match (&reference, protocol) {
@@ -288,6 +296,13 @@ fn measured_units(
         }
     }
     Ok((units, issues))
+}
+
+/// SHA-256 of the record of a session whose name comes first; `None` if there is none that can be read, which loading it will report.
+fn first_record(session: &Path) -> Option<[u8; 32]> {
+    let records = Folder::open(session).and_then(|folder| folder.folder("trials")).ok()?;
+    let first = records.entries().ok()?.into_iter().map(|entry| entry.name).min()?;
+    Some(Sha256::digest(records.read(first, limits::RECORD_BYTES).ok()?).into())
 }
 
 /// The subject's identifier in a session folder; the folder's path if it has none, which loading it will report.

@@ -7,7 +7,7 @@ use std::process::Output;
 
 use serde_json::{Value, json};
 
-use crate::workspace::{Workspace, files};
+use crate::workspace::{Workspace, copy_folder, files};
 
 impl Workspace {
     /// A folder with a study of `count` virtual subjects and the quick protocol.
@@ -229,6 +229,22 @@ fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
             .unwrap()
             .contains("k_srs_nm_per_rad,velocity,2,")
     );
+}
+
+/// It made five subjects of four, and the effects more significant than they are.
+#[test]
+fn a_session_under_two_names_counts_once() {
+    let workspace = measured();
+    copy_folder(&workspace.path("measured/S02"), &workspace.path("measured/S09"));
+    let about = workspace.path("measured/S09/session.json");
+    fs::write(&about, fs::read_to_string(&about).unwrap().replace("\"S02\"", "\"S09\"")).unwrap();
+    workspace.refuse(
+        1,
+        &["cohort", "study.json", "--seed", "1", "--out", "out"],
+        &["S09: the first record in", "is that of S02, byte by byte"],
+    );
+    let means = fs::read_to_string(workspace.path("out/means.csv")).unwrap();
+    assert!(means.contains("k_srs_nm_per_rad,1.3,0.9,3,"), "{means}");
 }
 
 #[test]

@@ -213,6 +213,27 @@ fn a_wrong_bar_that_no_other_load_tells_is_told_by_the_rig_as_stated() {
     assert!((percent.parse::<f64>().unwrap() - 16.0).abs() < 4.0, "{warnings:?}");
 }
 
+/// Weights on one arm agree with each other whatever the arm: both gains were off by its error, "by the other loads" to 0.0 %.
+#[test]
+fn weights_that_are_all_wrong_by_one_factor_are_told_by_the_rig_as_stated() {
+    for (wrong, factor) in [(wrong_arm as fn(&RigLoad) -> f64, 1.2), (|_| 1.0, 1.0)] {
+        let outcome = calibrated(&rig_trials(&TrueRig::usual(5), ALL_LOADS, wrong));
+        let told = outcome.calibration.warnings.join("; ");
+        assert_eq!(told.contains("the known weights are probably all"), factor > 1.0, "{factor}: {told:?}");
+        if factor > 1.0 {
+            assert!(told.contains("from their stated torques") && told.contains("measure arm_m"), "{told}");
+        }
+    }
+    // A gain that is off alone is the torque channel's.
+    let rig = TrueRig { torque_gain: 1.2, ..TrueRig::usual(6) };
+    let told = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0)).calibration.warnings;
+    assert_eq!(told, Vec::<String>::new());
+}
+
+fn wrong_arm(load: &RigLoad) -> f64 {
+    if matches!(load, RigLoad::KnownWeight { .. }) { 1.2 } else { 1.0 }
+}
+
 #[test]
 fn a_drive_that_reports_its_target_as_the_angle_is_told_from_a_motor_that_follows() {
     let rig = TrueRig::usual(6);
