@@ -61,8 +61,7 @@ impl Mechanism for TorqueLag {
     }
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
-        let cutoffs = |order: f64| [60.0, 200.0].map(|cutoff_hz| vec![cutoff_hz, order]);
-        ORDERS.into_iter().rev().flat_map(cutoffs).collect()
+        [60.0, 200.0].map(|cutoff_hz| vec![cutoff_hz, ORDERS[0]]).to_vec()
     }
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {

@@ -248,8 +248,13 @@ fn parameters_table(page: &mut String, kind: MechanismKind) {
     page.push_str(
         "\n| parameter | meaning | unit | bounds | no effect at | typical | prior |\n|---|---|---|---|---|---|---|\n",
     );
-    for parameter in kind.parameters() {
-        let absent = parameter.absent.map_or("a limit only".to_owned(), |value| value.to_string());
+    for (place, parameter) in kind.parameters().iter().enumerate() {
+        let is_law = place + 1 == kind.parameter_count() && !kind.laws().is_empty();
+        let absent = parameter.absent.map(|value| value.to_string());
+        let absent = absent.unwrap_or_else(|| if is_law { "none" } else { "a limit only" }.to_owned());
+        let laws: Vec<String> = kind.laws().iter().map(f64::to_string).collect();
+        let prior =
+            if is_law { format!("{}, equally probable", laws.join(" or ")) } else { prior(parameter.prior) };
         let _ = writeln!(
             page,
             "| `{}` | {} | {} | {} to {} | {absent} | {} | {} |",
@@ -259,7 +264,7 @@ fn parameters_table(page: &mut String, kind: MechanismKind) {
             parameter.low,
             parameter.high,
             parameter.typical,
-            prior(parameter.prior)
+            prior
         );
     }
     let _ = writeln!(page, "\nSource of the priors: {}.", kind.prior_source());

@@ -64,6 +64,16 @@ impl Found {
     }
 }
 
+/// The values of a mechanism by each of its laws.
+fn by_each_law(kind: MechanismKind, values: Vec<f64>) -> Vec<Vec<f64>> {
+    let by_law = |law: &f64| {
+        let mut values = values.clone();
+        values.iter_mut().last().into_iter().for_each(|last| *last = *law);
+        values
+    };
+    if kind.laws().is_empty() { vec![values] } else { kind.laws().iter().map(by_law).collect() }
+}
+
 impl ModelSearch<'_> {
     /// Adds the models of one cause each.
     ///
@@ -150,7 +160,9 @@ impl ModelSearch<'_> {
         let search = MechanismSearch::new(observations, self.before);
         let started = |kind: &MechanismKind| {
             let model = |values: Vec<f64>| starting_at(self.before.model.clone().with(*kind), &values);
-            let models: Vec<Model> = kind.probes(&prior.context).into_iter().map(model).collect();
+            let probes = kind.probes(&prior.context).into_iter();
+            let models: Vec<Model> =
+                probes.flat_map(|values| by_each_law(*kind, values)).map(model).collect();
             (*kind, search.start(&models))
         };
         let started: Vec<(MechanismKind, StartedMechanism)> = kinds.par_iter().map(started).collect();
@@ -199,10 +211,9 @@ impl ModelSearch<'_> {
             let kind = own.added[0];
             let base = self.without_deviations(own).with_mechanism_removed(observations, kind);
             let values = own.fit.parameters_of(kind)?;
-            let (law, values) = values.split_last()?;
-            let others = kind.laws().iter().filter(|other| *other != law);
-            let posterior = |other: &f64| {
-                let start = self.start_with(&base, kind, &[values, &[*other]].concat());
+            let others = by_each_law(kind, values.to_vec()).into_iter().filter(|other| other != values);
+            let posterior = |other: Vec<f64>| {
+                let start = self.start_with(&base, kind, &other);
                 let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
                 ModelPosterior::with_exact_laws(
                     observations,
