@@ -26,7 +26,7 @@ pub fn contradictions(session: &Session) -> Vec<Contradiction> {
         .chain(clipped)
         .chain(lever)
         .chain(emg::check_emg(&usable, session.sample_rate_hz))
-        .chain(repeated_record::check_repeated(&usable))
+        .chain(repeated_record::check_repeated(&usable, session.sample_rate_hz))
         .collect()
 }
 

@@ -307,6 +307,25 @@ fn a_record_that_is_there_twice_is_refused_with_its_trials() {
         session.trials[7].status = Status::Rejected;
     };
     assert_eq!(failed(rejected), []);
+    // Cut elsewhere, or with another offset, it passed for a repetition.
+    let cut = |session: &mut Session| {
+        copy(session);
+        let record = &mut session.trials[7].record;
+        for signal in [&mut record.theta_m_rad, &mut record.torque_l_nm]
+            .into_iter()
+            .chain(record.emg_fcr_mvc.as_mut())
+            .chain(record.emg_ecr_mvc.as_mut())
+        {
+            signal.drain(..7);
+        }
+        record.start_s += 7.0 / RATE_HZ;
+    };
+    assert_eq!(failed(cut), [SignalCheck::RepeatedRecord]);
+    let shifted = |session: &mut Session| {
+        copy(session);
+        session.trials[7].record.torque_l_nm.iter_mut().for_each(|torque| *torque += 1e-4);
+    };
+    assert_named(shifted, SignalCheck::RepeatedRecord, "trials 7, 8: their torques differ by a constant");
     let computed = |session: &mut Session| {
         copy(session);
         for trial in &mut session.trials[6..8] {

@@ -197,7 +197,7 @@ pub const OBJECTS: &[ObjectUse] = &[
         "00",
         Optional,
         [
-            "target torque, which positions have no use for: 1 since the drive was armed, 0 after a restart",
+            "target torque, which positions have no use for: 1 since the drive was armed, 2 while its home is found, 0 after a restart or an error of its encoder",
             "a drive that keeps its settings shows only by its boot-up message that it was restarted",
             "nothing",
         ],
