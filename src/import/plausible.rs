@@ -71,10 +71,19 @@ pub fn check_units(trials: &[Trial], sources: &[String], mapping: &Mapping) -> R
     if let Some(at) = ramps.iter().position(|own| *own > OTHER_UNIT * angle_rad) {
         return other("ramp", at, ramps[at] / angle_rad);
     }
-    match torques.iter().position(|own| *own > OTHER_UNIT * torque_nm) {
-        Some(at) => other("torque", at, torques[at] / torque_nm),
+    let held: Vec<f64> = trials.iter().map(|trial| held_nm(&trial.record.torque_l_nm)).collect();
+    let usual_nm = middle(&held);
+    match held.iter().position(|own| *own > OTHER_UNIT * usual_nm) {
+        Some(at) => other("torque", at, held[at] / usual_nm),
         None => Ok(()),
     }
+}
+
+/// What the torque of a record reaches in a twentieth of its samples, N m: a spike is no unit, and a relaxed wrist resists its ramp.
+fn held_nm(torque_nm: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = torque_nm.iter().map(|own| own.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() * 19 / 20).copied().unwrap_or(0.0)
 }
 
 /// A quantity that is `times` as large as it can be.

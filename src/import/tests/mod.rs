@@ -278,6 +278,10 @@ fn one_file_in_another_unit_than_the_others_is_refused_by_its_name() {
         let told = import(tables, &mapping()).unwrap_err().to_string();
         assert!(told.contains("other.csv") && told.contains(what) && told.contains("another unit"), "{told}");
     }
+    // A spike is none.
+    let mut spiky = columns(1.31);
+    spiky[2][100..103].fill(1e5);
+    assert!(import(others().chain([table("other.csv", spiky)]).collect(), &mapping()).is_ok());
 }
 
 #[test]
