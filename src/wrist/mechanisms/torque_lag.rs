@@ -16,6 +16,9 @@ const ORDERS: [f64; 2] = [1.0, 2.0];
 /// The square of the quality factor of a Bessel low-pass of second order.
 const SQUARED_QUALITY_OF_SECOND_ORDER: f64 = 1.0 / 3.0;
 
+/// The square of a quality factor below which a low-pass is one of first order: the second pole is a hundred times as fast.
+const LEAST_SQUARED_QUALITY: f64 = 0.01;
+
 /// Low-pass filter of the torque channel.
 pub struct TorqueLag;
 
@@ -66,7 +69,12 @@ impl Mechanism for TorqueLag {
 
     fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
         let squared_quality = SQUARED_QUALITY_OF_SECOND_ORDER * (p[1] - 1.0);
-        let fastest = if squared_quality > 0.0 { libm::sqrt(squared_quality) } else { 1.0 };
+        // Time constant of the faster pole, in units of the delay; of two that are conjugate, of both.
+        let fastest = match squared_quality {
+            q if q <= LEAST_SQUARED_QUALITY => 1.0,
+            q if q < 0.25 => 2.0 * q / (1.0 + libm::sqrt(1.0 - 4.0 * q)),
+            q => libm::sqrt(q),
+        };
         longest_step_of_a_lag(fastest / (std::f64::consts::TAU * p[0]))
     }
 
@@ -81,11 +89,12 @@ impl Mechanism for TorqueLag {
     ) -> T {
         let (zero, one) = (T::Plain::splat(0.0), T::Plain::splat(1.0));
         let squared_quality = (p[1].plain() - one) * T::Plain::splat(SQUARED_QUALITY_OF_SECOND_ORDER);
-        let is_second = squared_quality.where_positive(one, zero);
+        let above = squared_quality - T::Plain::splat(LEAST_SQUARED_QUALITY);
+        let is_second = above.where_positive(one, zero);
         let (recorded, rate, w) = (states.now(0), states.now(1), p[0].scale(std::f64::consts::TAU));
         let behind = torque - recorded;
         rates[0] = (behind.times(one - is_second) + rate.times(is_second)) * w;
-        rates[1] = ((behind - rate) * w).times(one / squared_quality.where_positive(squared_quality, one));
+        rates[1] = ((behind - rate) * w).times(one / above.where_positive(squared_quality, one));
         recorded
     }
 }
