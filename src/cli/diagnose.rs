@@ -213,7 +213,11 @@ fn print_candidate(out: &mut impl Write, entry: &Value) -> Result<(), Failure> {
             continue;
         }
         let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
-        writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
+        if value["low"] == value["high"] {
+            writeln!(out, "  {name} = {}", number("value"))?;
+        } else {
+            writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
+        }
     }
     for (name, field, unit, factor) in
         [("k_srs", "k_srs_nm_per_rad", "N m/rad", 1.0), ("x_e", "x_e_rad", "mrad", 1e3)]

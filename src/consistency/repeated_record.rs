@@ -8,16 +8,16 @@ use super::contradiction::Contradiction;
 use super::signal_check::SignalCheck;
 use crate::dataset::{Record, Trial};
 
-/// Half of the time about the middle of the ramp in which torques are compared, s.
-const COMPARED_S: f64 = 0.05;
+/// Half of the time about the middle of the ramp in which records are compared, s.
+const ABOUT_RAMP_S: f64 = 0.05;
 
-/// Steps of the torque, N m, to which its differences are rounded: far below any noise, and above what an offset changes by rounding.
-const STEP_NM: f64 = 1e-9;
+/// To this, N m and rad, differences of torque and angle are rounded: far below any noise, and above what an offset changes by rounding.
+const ROUNDED_TO: f64 = 1e-9;
 
 /// Different steps that a torque must make to be told from another one by them: in coarse steps, two torques may be alike by chance.
 const LEAST_STEPS: usize = 10;
 
-/// The trials whose angle and torque are those of an earlier trial, sample by sample, or whose torque about the ramp is, but for a
+/// The trials whose angle and torque are those of an earlier trial, sample by sample, or are about the ramp, but for a
 /// constant.
 pub fn check_repeated(trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradiction> {
     // A computed torque without noise may well come twice.
@@ -33,7 +33,9 @@ pub fn check_repeated(trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradi
     let (found, equal) = if whole.is_empty() {
         (
             about_ramp,
-            format!("their torques differ by a constant within {COMPARED_S} s of the middle of the ramp"),
+            format!(
+                "their angles and torques differ by constants within {ABOUT_RAMP_S} s of the middle of the ramp"
+            ),
         )
     } else {
         (whole, "their angle and torque are equal in every sample".to_owned())
@@ -59,8 +61,8 @@ pub(crate) fn first_repeated(records: &[[&[f64]; 2]]) -> Option<(usize, usize)> 
     repeated(records).first().copied()
 }
 
-/// Steps of the torque from sample to sample about the middle of the ramp, in units of [`STEP_NM`]; empty without a whole ramp, or if they
-/// are too few to tell one torque from another.
+/// Steps of torque and angle from sample to sample about the middle of the ramp, in units of [`ROUNDED_TO`]; empty without a whole ramp, or
+/// if those of the torque are too few to tell one from another.
 fn steps_about_ramp(record: &Record, sample_rate_hz: f64) -> Vec<f64> {
     let angle = &record.theta_m_rad;
     let (low, high) =
@@ -68,12 +70,15 @@ fn steps_about_ramp(record: &Record, sample_rate_hz: f64) -> Vec<f64> {
     let first = angle.first().copied().unwrap_or(0.0);
     let half = 0.5 * (high - low);
     let middle = angle.iter().position(|own| (own - first).abs() > half).unwrap_or(0);
-    let reach = (COMPARED_S * sample_rate_hz) as usize;
-    let torque = middle.checked_sub(reach).and_then(|from| record.torque_l_nm.get(from..middle + reach));
-    let steps = torque.unwrap_or_default().windows(2).map(|pair| libm::round((pair[1] - pair[0]) / STEP_NM));
-    let steps: Vec<f64> = steps.collect();
-    let different: HashSet<u64> = steps.iter().filter(|own| **own != 0.0).map(|own| own.to_bits()).collect();
-    if different.len() < LEAST_STEPS { Vec::new() } else { steps }
+    let reach = (ABOUT_RAMP_S * sample_rate_hz) as usize;
+    let steps = |signal: &[f64]| -> Vec<f64> {
+        let about = middle.checked_sub(reach).and_then(|from| signal.get(from..middle + reach));
+        let steps = about.unwrap_or_default().windows(2).map(|pair| (pair[1] - pair[0]) / ROUNDED_TO);
+        steps.map(libm::round).collect()
+    };
+    let torque = steps(&record.torque_l_nm);
+    let different: HashSet<u64> = torque.iter().filter(|own| **own != 0.0).map(|own| own.to_bits()).collect();
+    if different.len() < LEAST_STEPS { Vec::new() } else { [torque, steps(angle)].concat() }
 }
 
 /// For each record that is equal to an earlier one, the place of the first such and its own.

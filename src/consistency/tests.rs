@@ -325,7 +325,11 @@ fn a_record_that_is_there_twice_is_refused_with_its_trials() {
         copy(session);
         session.trials[7].record.torque_l_nm.iter_mut().for_each(|torque| *torque += 1e-4);
     };
-    assert_named(shifted, SignalCheck::RepeatedRecord, "trials 7, 8: their torques differ by a constant");
+    assert_named(
+        shifted,
+        SignalCheck::RepeatedRecord,
+        "trials 7, 8: their angles and torques differ by constants",
+    );
     let computed = |session: &mut Session| {
         copy(session);
         for trial in &mut session.trials[6..8] {

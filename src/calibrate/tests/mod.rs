@@ -217,7 +217,8 @@ fn a_wrong_bar_that_no_other_load_tells_is_told_by_the_rig_as_stated() {
 #[test]
 fn weights_that_are_all_wrong_by_one_factor_are_told_by_the_rig_as_stated() {
     let warnings = |rig: &TrueRig, wrong| calibrated(&rig_trials(rig, ALL_LOADS, wrong)).calibration.warnings;
-    let as_stated = TrueRig { torque_gain: 1.0, angle_gain: 1.0, ..TrueRig::usual(5) };
+    let lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+    let as_stated = TrueRig { lever, torque_gain: 1.0, angle_gain: 1.0, ..TrueRig::usual(5) };
     let told = warnings(&as_stated, wrong_arm);
     assert!(told.len() == 1 && told[0].starts_with("the known weights are probably all"), "{told:?}");
     assert!(told[0].contains("from their stated torques") && told[0].contains("measure arm_m"), "{told:?}");
