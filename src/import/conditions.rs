@@ -6,8 +6,8 @@ const SAME: f64 = 0.12;
 /// Values that differ by less than this are of one group, whatever their size.
 const SAME_ABSOLUTE: f64 = 0.05;
 
-/// So many times wider than the levels is a gap between levels of one group: two pairs of scattered values are so by chance in 1.5 % of
-/// cases, 2 / ((1 + r) (2 + r)) for exponential gaps, and more values less often.
+/// Two levels are told apart where the gap between them is this many times wider than each of them. Two pairs of values that only scatter
+/// look like two levels in 1.5 % of cases: 2 / ((1 + r) (2 + r)), if the gaps have an exponential distribution. More values do so less often.
 const CLEAR: f64 = 10.0;
 
 /// The group of each value: the median of the values that lie next to each other without a gap, with two digits.
@@ -33,13 +33,12 @@ pub fn grouped(values: &[f64]) -> Vec<f64> {
 /// them. One level if there are no such parts.
 fn levels<'a>(group: &'a [usize], values: &[f64]) -> Vec<&'a [usize]> {
     let gap = |pair: &[usize]| values[pair[1]] - values[pair[0]];
-    let widest = group.windows(2).map(gap).fold(0.0, f64::max);
     let mut gaps: Vec<f64> = group.windows(2).map(gap).filter(|own| *own > 0.0).collect();
     gaps.sort_by(f64::total_cmp);
     // The number of levels is where the gaps, by size, make their largest step.
     let step = gaps.windows(2).map(|pair| pair[1] / pair[0]).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((place, _)) = step else { return vec![group] };
-    let least = gaps[place + 1].min(widest);
+    let least = gaps[place + 1];
     let parts: Vec<&[usize]> = group.chunk_by(|a, b| values[*b] - values[*a] < least).collect();
     let width = |part: &[usize]| values[part[part.len() - 1]] - values[part[0]];
     let are_levels = parts.iter().all(|part| part.len() > 1 && CLEAR * width(part) < least);

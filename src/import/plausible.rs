@@ -19,8 +19,8 @@ const LIKELY_ANGLE_UNITS: [SignalUnit; 2] = [SignalUnit::Degree, SignalUnit::Mil
 const LIKELY_TORQUE_UNITS: [SignalUnit; 3] =
     [SignalUnit::NewtonMillimetre, SignalUnit::NewtonCentimetre, SignalUnit::PoundInch];
 
-/// A trial whose angle or torque is so many times that of the others is in another unit: a degree, the nearest, is 57 times smaller than a
-/// radian.
+/// A trial is in another unit if its angle or torque is this many times as large as that of the others. The nearest units are a degree and a
+/// radian, with a factor of 57.
 const OTHER_UNIT: f64 = 50.0;
 
 /// Refuses ramps and torques beyond what a limb can do, with the unit that would make them possible, and a trial of `sources` in another
@@ -67,7 +67,7 @@ pub fn check_units(trials: &[Trial], sources: &[String], mapping: &Mapping) -> R
             ),
         })
     };
-    // One that is so many times smaller was no ramp.
+    // A ramp that is 50 times smaller than the others was left out before, as none.
     if let Some(at) = ramps.iter().position(|own| *own > OTHER_UNIT * angle_rad) {
         return other("ramp", at, ramps[at] / angle_rad);
     }

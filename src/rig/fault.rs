@@ -117,7 +117,7 @@ impl Fault {
 const POWER_NOT_CONFIRMED: &str = "power_not_confirmed";
 const EMERGENCY_STOP: &str = "press the emergency stop";
 
-/// What the operator is told when it could not be confirmed, after the motor was stopped, that it has no power.
+/// What the operator is told when the motor was stopped and does not confirm that its power is off.
 pub const MOTOR_MAY_HAVE_POWER: &str = "THE MOTOR MAY STILL HAVE POWER: press the emergency stop";
 
 /// Faults that call for the same reaction of the motor.

@@ -365,7 +365,7 @@ impl ArmedCanMotor {
             OnFault::StaysOff => None,
             OnFault::Stop if chosen == SafeState::Hold => Some(SafeState::QuickStop),
             // The targets of a hold would be in dispute with the other program's.
-            _ if is_in_dispute && chosen == SafeState::Hold => Some(SafeState::QuickStop),
+            OnFault::SafeState if is_in_dispute && chosen == SafeState::Hold => Some(SafeState::QuickStop),
             OnFault::Stop | OnFault::SafeState => Some(chosen),
             OnFault::QuickStop => Some(SafeState::QuickStop),
             OnFault::PowerOff => Some(SafeState::TorqueOff),

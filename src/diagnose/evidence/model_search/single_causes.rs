@@ -188,46 +188,38 @@ impl ModelSearch<'_> {
     /// Posteriors of the mechanisms that nearly gain the most, from other elastic limits of all trials: without a large effect the limits were
     /// elsewhere, and a fit that starts there may stay there.
     fn started_at_other_limits(&self, found: &Found) -> Vec<ModelPosterior> {
-        let (observations, prior) = (self.observations, &self.prior);
+        let observations = self.observations;
         let gain = |own: &ModelPosterior| own.log_evidence - self.none_evidence;
         let least = (RIVAL_PART * (found.best() - self.none_evidence) - NEGLIGIBLE_LOG_ODDS).max(0.0);
         let rivals: Vec<&ModelPosterior> = found.0.iter().filter(|own| gain(own) > least).collect();
         let restarted = |own: &&ModelPosterior| {
             let elsewhere: Vec<Fit> = limit_restarts(observations, &own.fit).into_iter().skip(1).collect();
-            let posterior = |start: &Fit| {
-                let spreads = Some(&own.spreads);
-                let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
-                ModelPosterior::with_exact_laws(observations, prior, start, &own.added, spreads, least)
-            };
-            elsewhere.iter().filter_map(posterior).collect::<Vec<_>>()
+            elsewhere.iter().filter_map(|start| self.better_from(own, start)).collect::<Vec<_>>()
         };
         rivals.par_iter().flat_map_iter(restarted).collect()
     }
 
     /// Posteriors of the mechanisms within reach of the best, by their other laws: a part of the session may not tell which is the better.
     fn started_with_other_laws(&self, found: &Found) -> Vec<ModelPosterior> {
-        let (observations, prior) = (self.observations, &self.prior);
+        let observations = self.observations;
         let restarted = |own: &ModelPosterior| {
             let kind = own.added[0];
             let base = self.without_deviations(own).with_mechanism_removed(observations, kind);
             let values = own.fit.parameters_of(kind)?;
             let others = by_each_law(kind, values.to_vec()).into_iter().filter(|other| other != values);
-            let posterior = |other: Vec<f64>| {
-                let start = self.start_with(&base, kind, &other);
-                let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
-                ModelPosterior::with_exact_laws(
-                    observations,
-                    prior,
-                    &start,
-                    &[kind],
-                    Some(&own.spreads),
-                    least,
-                )
-            };
+            let posterior = |other: Vec<f64>| self.better_from(own, &self.start_with(&base, kind, &other));
             Some(others.filter_map(posterior).collect::<Vec<_>>())
         };
-        let rivals: Vec<&ModelPosterior> = self.within_reach(found).collect();
+        let rivals: Vec<&ModelPosterior> =
+            self.within_reach(found).filter(|own| !own.added[0].laws().is_empty()).collect();
         rivals.into_par_iter().filter_map(restarted).flatten_iter().collect()
+    }
+
+    /// The posterior of the mechanism of `own` from another start, given up where it promises no more evidence.
+    fn better_from(&self, own: &ModelPosterior, start: &Fit) -> Option<ModelPosterior> {
+        let (observations, prior, spreads) = (self.observations, &self.prior, Some(&own.spreads));
+        let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
+        ModelPosterior::with_exact_laws(observations, prior, start, &own.added, spreads, least)
     }
 
     /// The mechanisms within reach of the best one.
@@ -241,7 +233,7 @@ impl ModelSearch<'_> {
     /// Posteriors of the mechanisms within reach of the best one, from that one's base parameters: what is hard to tell apart has nearly the
     /// same, and a fit that starts elsewhere may stay there.
     fn started_at_the_best(&self, found: &Found) -> Vec<ModelPosterior> {
-        let (observations, prior) = (self.observations, &self.prior);
+        let observations = self.observations;
         let Some(best) = found.0.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) else {
             return Vec::new();
         };
@@ -250,9 +242,7 @@ impl ModelSearch<'_> {
             self.within_reach(found).filter(|own| own.added != best.added).collect();
         let restarted = |own: &&ModelPosterior| {
             let kind = own.added[0];
-            let start = self.start_with(&base, kind, own.fit.parameters_of(kind)?);
-            let least = LeastEvidence { promised: own.log_evidence, reached: own.log_evidence };
-            ModelPosterior::with_exact_laws(observations, prior, &start, &[kind], Some(&own.spreads), least)
+            self.better_from(own, &self.start_with(&base, kind, own.fit.parameters_of(kind)?))
         };
         others.par_iter().filter_map(restarted).collect()
     }
