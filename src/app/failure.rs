@@ -10,7 +10,7 @@ use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError, RigCalibrationError};
 use crate::export::ExportError;
 use crate::files::is_refusal;
-use crate::fit::{CalibrationMisuse, ModelError, PreprocessingError, WriteError};
+use crate::fit::{CalibrationMisuse, ExcludedTrial, ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
 use crate::lsl::LslError;
@@ -96,13 +96,25 @@ pub enum Failure {
     /// The export could not be made.
     #[error(transparent)]
     Export(#[from] ExportError),
-    /// Some of the sessions could not be fitted; the error of each has been printed.
-    #[error("{failed} of {of} sessions could not be fitted")]
+    /// Some of the sessions could not be fitted, or only some of their trials; the error of each has been printed.
+    #[error("{failed} of {of} sessions could not be fitted, and {partly} only in part")]
     Some {
         /// Sessions that failed.
         failed: usize,
+        /// Sessions of which trials are left out.
+        partly: usize,
         /// All sessions.
         of: usize,
+    },
+    /// Some of the trials could not be analysed; the results of the others are written.
+    #[error("{session}: the results are those of {analysed} of its trials; {}", reasons(.left_out))]
+    TrialsLeftOut {
+        /// The session's folder.
+        session: String,
+        /// Number of trials that were analysed.
+        analysed: usize,
+        /// The others, with the reasons.
+        left_out: Vec<ExcludedTrial>,
     },
     /// A recording cannot be imported.
     #[error(transparent)]
@@ -287,6 +299,7 @@ impl Failure {
             Self::Report(_) => 2,
             Self::Write(_)
             | Self::Some { .. }
+            | Self::TrialsLeftOut { .. }
             | Self::PartOfStudy { .. }
             | Self::Unit(_)
             | Self::Record(_)
@@ -311,6 +324,12 @@ impl Failure {
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
+}
+
+/// Why each trial is left out.
+fn reasons(left_out: &[ExcludedTrial]) -> String {
+    let reason = |own: &ExcludedTrial| format!("trial {} left out: {}", own.trial, own.reason);
+    left_out.iter().map(reason).collect::<Vec<_>>().join("; ")
 }
 
 /// The exit code of a failure whose cause may be its input or the work.

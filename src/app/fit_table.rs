@@ -2,7 +2,9 @@
 
 use std::io::Write;
 
-use crate::fit::{ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, torque_falls};
+use crate::fit::{
+    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, reflex_warning, torque_falls,
+};
 use crate::report::SHOWN;
 use crate::wrist::BASE_PARAMETERS;
 
@@ -49,6 +51,12 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
             "all trials fitted together; each on its own, as in the paper: fit-independent.csv, conditions-independent.csv"
         )?,
         Some(reason) => writeln!(out, "each trial fitted on its own: {reason}")?,
+    }
+    if let Some(warning) = results.json["settings"]["window_s"]
+        .as_f64()
+        .and_then(|window_s| reflex_warning(window_s, &results.json["model"]))
+    {
+        writeln!(out, "{warning}")?;
     }
     let several: Vec<&TrialEstimate> =
         results.estimates.iter().filter(|e| !e.other_optima.is_empty()).collect();

@@ -1,5 +1,6 @@
 //! The folder of a laboratory: protocol, rig, subjects, and a place for calibrations and sessions.
 
+use std::collections::HashSet;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -36,6 +37,13 @@ impl Laboratory {
         if let Some(id) = subjects.iter().find(|id| !Subject::is_identifier(id)) {
             return Err(Failure::Usage(format!(
                 "subject {id:?}: expected letters, digits, -, _ and . such as S01"
+            )));
+        }
+        // Folders are named after them, and some disks take S01 and s01 for one name.
+        let mut known = HashSet::new();
+        if let Some(id) = subjects.iter().find(|id| !known.insert(id.to_lowercase())) {
+            return Err(Failure::Usage(format!(
+                "subject {id:?}: given twice; each person has an identifier"
             )));
         }
         let is_can = rig != "virtual" && is_can_rig_file(Path::new(rig));

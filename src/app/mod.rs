@@ -42,7 +42,9 @@ mod session_streams;
 mod signals;
 mod wall_clock;
 
-pub use analysis::{AnalysedSession, AnalysisRequest, DiagnosedSession, FittedSession, with_window};
+pub use analysis::{
+    AnalysedSession, AnalysisRequest, DiagnosedSession, FittedSession, check_none_left_out, with_window,
+};
 pub use calibration::{UsedCalibration, warn_of_calibration};
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;

@@ -95,7 +95,17 @@ impl DesignArgs {
     }
 
     fn asked_for(&self) -> Result<Vec<MechanismKind>, Failure> {
-        self.between.iter().map(|id| kind(id)).collect()
+        let mut kinds = Vec::new();
+        for id in &self.between {
+            let kind = kind(id)?;
+            if kinds.contains(&kind) {
+                return Err(Failure::Usage(format!(
+                    "--between: {id} is given twice; name different mechanisms"
+                )));
+            }
+            kinds.push(kind);
+        }
+        Ok(kinds)
     }
 
     /// Each cause of the diagnosis that can be confused with others, with those others.

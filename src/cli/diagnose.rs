@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, folder_of_diagnosis, lock_results, parse_seed, read_model, write_report,
+    check_has_none, check_none_left_out, check_out, folder_of_diagnosis, lock_results, parse_seed,
+    read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session};
@@ -93,9 +94,10 @@ impl Verb for DiagnoseArgs {
         }
         if self.json {
             writeln!(console.results(), "{}", serde_json::to_string_pretty(&json).unwrap_or_default())?;
-            return Ok(());
+        } else {
+            summary(console, &diagnosis, &json)?;
         }
-        summary(console, &diagnosis, &json)
+        check_none_left_out(&self.session.display().to_string(), prepared)
     }
 }
 

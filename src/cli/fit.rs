@@ -2,11 +2,12 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, fit_table, folder_of_fit, folders_in, lock_results, parse_seed, read_model,
-    write_report,
+    check_has_none, check_none_left_out, check_out, fit_table, folder_of_fit, folders_in, lock_results,
+    parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
@@ -85,17 +86,23 @@ impl Verb for FitArgs {
         let sessions = session_folders(&self.sessions)?;
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
-            let (read, results) = self.fit(session, &model, console)?;
-            self.write(session, read, folder.as_ref(), &results, console)?;
-            return self.show(console, &results);
+            let (read, fitted) = self.fit(session, &model, console)?;
+            self.write(session, read, folder.as_ref(), &fitted.results, console)?;
+            self.show(console, &fitted.results)?;
+            return check_none_left_out(&session.display().to_string(), &fitted.observations);
         }
         self.fit_many(console, &sessions, &folders, &model)
     }
 }
 
 impl FitArgs {
-    /// The session in the folder `session`, and its results.
-    fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<(Session, Results), Failure> {
+    /// The session in the folder `session`, fitted.
+    fn fit(
+        &self,
+        session: &Path,
+        model: &Model,
+        console: &Console,
+    ) -> Result<(Session, FittedSession), Failure> {
         let asked = AnalysisRequest {
             window_s: self.window,
             calibration: self.calibration.clone(),
@@ -104,13 +111,13 @@ impl FitArgs {
         let weighting = if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise };
         announce_unfinished(session, console);
         let session = AnalysedSession::read(session, &asked, console)?;
-        let FittedSession { observations, mut results, independent, .. } =
-            session.fit(model, weighting, self.independent)?;
+        let mut fitted = session.fit(model, weighting, self.independent)?;
         if let Some(refits) = self.bootstrap {
-            let scatter = fit::bootstrap(&observations, &independent, refits as usize, self.seed);
-            results.add_bootstrap(refits as usize, self.seed, &scatter);
+            let refits = refits as usize;
+            let scatter = fit::bootstrap(&fitted.observations, &fitted.independent, refits, self.seed);
+            fitted.results.add_bootstrap(refits, self.seed, &scatter);
         }
-        Ok((session.checked.session, results))
+        Ok((session.checked.session, fitted))
     }
 
     /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.
@@ -131,18 +138,28 @@ impl FitArgs {
         model: &Model,
     ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
+        let partly = AtomicUsize::new(0);
+        let tell = |failure: Failure| progress.suspend(|| console.error(&failure));
         let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
             .into_par_iter()
             .map(|(session, folder)| {
-                let done = self.fit(session, model, &console.silent()).and_then(|(read, results)| {
-                    self.write(session, read, folder.as_ref(), &results, &console.silent())?;
-                    Ok(results.json)
+                let done = self.fit(session, model, &console.silent()).and_then(|(read, fitted)| {
+                    self.write(session, read, folder.as_ref(), &fitted.results, &console.silent())?;
+                    Ok(fitted)
                 });
                 progress.inc(1);
-                done.map_err(|failure| progress.suspend(|| console.error(&failure))).ok()
+                let fitted = done.map_err(tell).ok()?;
+                if let Err(failure) =
+                    check_none_left_out(&session.display().to_string(), &fitted.observations)
+                {
+                    partly.fetch_add(1, Ordering::Relaxed);
+                    tell(failure);
+                }
+                Some(fitted.results.json)
             })
             .collect();
         progress.finish_and_clear();
+        let partly = partly.into_inner();
         let failed = fitted.iter().filter(|result| result.is_none()).count();
         if self.json {
             let text = serde_json::to_string_pretty(&fitted.into_iter().flatten().collect::<Vec<_>>());
@@ -150,7 +167,10 @@ impl FitArgs {
         } else {
             writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
         }
-        if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
+        if failed + partly == 0 {
+            return Ok(());
+        }
+        Err(Failure::Some { failed, partly, of: sessions.len() })
     }
 
     /// Writes results and report of the session that was `read`, and updates its manifest. Without `folder`, the session's results are
@@ -189,13 +209,6 @@ impl FitArgs {
             writeln!(console.results(), "{text}")?;
         } else {
             fit_table(console, results)?;
-        }
-        for left in results.json["left_out"].as_array().into_iter().flatten() {
-            console.message(format_args!(
-                "trial {} left out: {}",
-                left["trial"],
-                left["reason"].as_str().unwrap_or("")
-            ));
         }
         Ok(())
     }

@@ -100,6 +100,13 @@ impl Verb for PowerArgs {
             study.name,
             groups * resampling.pool
         ));
+        if let Some(most) = resampling.subjects.last().filter(|most| **most > resampling.pool) {
+            console.announce(format_args!(
+                "studies of up to {most} subjects are drawn from {} simulated ones, with replacement: the power is that of these, and \
+                 another pool would give another; give at least --pool {most}",
+                resampling.pool
+            ));
+        }
         let progress = console.progress(u64::from(groups * resampling.pool), "sessions");
         let tick = || progress.inc(1);
         let sought = match (self.difference, self.change) {

@@ -3,6 +3,9 @@
 /// How near a ratio must be to that of a mistake, as a factor.
 const NEARNESS: f64 = 1.25;
 
+/// How near a step must be to a full turn, as a part of it: a ramp of 10 rad/s goes on by a fiftieth of a turn in 12 ms.
+const TURN_NEARNESS: f64 = 0.02;
+
 /// A ratio of measured to stated, and the mistake that gives it.
 type Mistake = (f64, &'static str);
 
@@ -38,6 +41,15 @@ fn nearest(ratio: f64, mistakes: &[Mistake]) -> Option<String> {
         .filter(|mistake| distance(mistake) < libm::log(NEARNESS))
         .min_by(|a, b| distance(a).total_cmp(&distance(b)))
         .map(|(_, says)| (*says).to_owned())
+}
+
+/// The mistake of an angle that changes by `step_rad` from one sample to the next: an encoder that starts anew at the end of its turn.
+pub fn of_step(step_rad: f64) -> Option<String> {
+    let turns = [std::f64::consts::TAU, 360.0];
+    let is_turn = |turn: &f64| (step_rad / turn - 1.0).abs() < TURN_NEARNESS;
+    turns.iter().any(|turn| is_turn(turn)).then(|| {
+        format!("theta_m_rad changes by {step_rad:.3} from one sample to the next: does it start anew at a full turn?")
+    })
 }
 
 /// The mistake that makes a ramp `ratio` times as fast as stated.

@@ -23,6 +23,8 @@ pub struct MeasuredTrial {
     pub stated_torque_nm: f64,
     /// Largest speed of the ramp, with its sign, rad/s.
     pub speed_rad_s: f64,
+    /// Largest change of the angle from one sample to the next, without sign, rad.
+    pub largest_step_rad: f64,
     /// Mean speed between three and seven tenths of the way, with its sign, rad/s: without rise and overshoot.
     pub middle_speed_rad_s: f64,
     /// Median angle before the ramp, rad.
@@ -85,6 +87,7 @@ impl MeasuredTrial {
             stated_speed_rad_s: trial.velocity_rad_s,
             stated_torque_nm: trial.torque_nm,
             speed_rad_s,
+            largest_step_rad: angle.windows(2).map(|own| (own[1] - own[0]).abs()).fold(0.0, f64::max),
             middle_speed_rad_s,
             hold_rad,
             hold_nm,

@@ -85,9 +85,14 @@ fn of_session(trials: &[MeasuredTrial], ratio: f64) -> Contradiction {
             rounded(first.speed_rad_s.abs())
         ),
         stated: format!("{} rad/s in trial {}", first.stated_speed_rad_s.abs(), first.number),
-        likely_mistake: likely_mistake::of_speed(ratio),
-        remedy: "Give theta_m_rad in rad, t_s in s and velocity_rad_s in rad/s.".into(),
+        likely_mistake: restart(trials).or_else(|| likely_mistake::of_speed(ratio)),
+        remedy: "Give theta_m_rad in rad without restarts, t_s in s and velocity_rad_s in rad/s.".into(),
     }
+}
+
+/// An encoder of one of the trials that starts anew at the end of its turn.
+fn restart<'a>(trials: impl IntoIterator<Item = &'a MeasuredTrial>) -> Option<String> {
+    trials.into_iter().find_map(|trial| likely_mistake::of_step(trial.largest_step_rad))
 }
 
 /// Some trials have another speed than stated.
@@ -103,7 +108,8 @@ fn of_some(off: &[&MeasuredTrial]) -> Contradiction {
             rounded(first.speed_rad_s.abs())
         ),
         stated: format!("{} rad/s", first.stated_speed_rad_s.abs()),
-        likely_mistake: Some("Is another record in its row, or did the motor stop?".into()),
+        likely_mistake: restart(off.iter().copied())
+            .or_else(|| Some("Is another record in its row, or did the motor stop?".into())),
         remedy: "Correct velocity_rad_s or file, or set the status of the trial to rejected.".into(),
     }
 }

@@ -494,3 +494,19 @@ fn a_calibration_that_makes_a_sound_session_contradict_its_table_is_refused_with
         assert_eq!(check_with_gains(&session, gains, &[check]), Ok(()));
     }
 }
+
+#[test]
+fn an_angle_that_starts_anew_at_a_full_turn_is_told_as_that() {
+    let restarted = |angle: &f64| angle.rem_euclid(std::f64::consts::TAU);
+    let restart = |trial: &mut Trial| {
+        trial.record.theta_m_rad = trial.record.theta_m_rad.iter().map(restarted).collect();
+    };
+    for some in [1, 4] {
+        let mut session = sound();
+        session.trials.iter_mut().step_by(some).for_each(restart);
+        let found = contradictions(&session);
+        let speed = found.iter().find(|one| one.check == SignalCheck::RampSpeed).unwrap();
+        let mistake = speed.likely_mistake.as_deref().unwrap_or_default();
+        assert!(mistake.contains("start anew at a full turn"), "every {some}: {speed:?}");
+    }
+}

@@ -265,6 +265,8 @@ fn a_design_asks_for_what_it_needs() {
     assert!(first.contains("ramphold diagnose s"), "{first}");
     let (_, unknown) = workspace.call(2, &["design", "s", "--between", "ghost", "fatigue"]);
     assert!(unknown.contains("\"ghost\": unknown; expected one of joint_damping"), "{unknown}");
+    let (_, twice) = workspace.call(2, &["design", "s", "--between", "torque_lag", "torque_lag"]);
+    assert!(twice.contains("given twice"), "{twice}");
     let (_, between) = workspace.call(2, &["design", "s", "--between", "torque_lag", "fatigue"]);
     assert!(between.contains("\"fatigue\": has no effect within a trial"), "{between}");
 }

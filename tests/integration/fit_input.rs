@@ -284,7 +284,7 @@ fn a_trial_of_constant_torque_is_said_to_tell_nothing_and_the_other_is_estimated
     fs::write(workspace.path("session/trials/trial-002.csv"), flat).unwrap();
     let output = fit(&workspace, &[]);
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert_eq!(output.status.code(), Some(1), "the work was only partly possible: {message}");
     assert!(message.contains("trial 2") && message.contains("torque"), "{message}");
     let table = fs::read_to_string(workspace.path("session/results/fit.csv")).unwrap();
     assert_eq!(table.lines().count(), 2, "only trial 1 has estimates: {table}");
@@ -299,6 +299,33 @@ fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
     fs::write(&file, short).unwrap();
     let output = fit(&workspace, &["--window", "0.1"]);
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert_eq!(output.status.code(), Some(1), "the work was only partly possible: {message}");
     assert!(message.contains("trial 2 left out") && message.contains("window"), "{message}");
+}
+
+#[test]
+fn of_several_sessions_one_with_a_trial_left_out_is_named_and_the_others_are_fitted() {
+    let workspace = sound();
+    let file = workspace.path("session/trials/trial-002.csv");
+    let short: String =
+        fs::read_to_string(&file).unwrap().lines().take(350).map(|line| format!("{line}\n")).collect();
+    fs::write(&file, short).unwrap();
+    let whole = sound();
+    let sessions = [workspace.path("session"), whole.path("session")];
+    let output = workspace.ramphold(&["fit", "--window", "0.1"]).args(&sessions).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("trial 2 left out") && message.contains("1 only in part"), "{message}");
+    for session in sessions {
+        assert!(session.join("results/fit.csv").is_file(), "{message}");
+    }
+}
+
+#[test]
+fn a_window_in_which_a_reflex_acts_is_said_to_hold_one() {
+    let workspace = sound();
+    let tell = |options: &[&str]| String::from_utf8(fit(&workspace, options).stdout).unwrap();
+    let told = tell(&["--window", "0.1"]);
+    assert!(told.contains("the window of 100 ms is longer than the 40 ms in which no reflex acts"), "{told}");
+    assert!(!tell(&[]).contains("reflex"), "the paper's window has none");
 }

@@ -51,6 +51,8 @@ fn a_laboratory_takes_the_papers_protocol_and_refuses_what_does_not_go_together(
     assert!(message.contains("the protocol samples at 2500 Hz"), "{message}");
     let (_, message) = workspace.call(2, &["new", "other", "--subjects", "S 1", "--yes"]);
     assert!(message.contains("subject \"S 1\""), "{message}");
+    let (_, message) = workspace.call(2, &["new", "other", "--subjects", "S01,s01", "--yes"]);
+    assert!(message.contains("\"s01\": given twice"), "{message}");
     assert!(!workspace.path("other").exists());
 }
 

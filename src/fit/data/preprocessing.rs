@@ -23,10 +23,13 @@ pub struct PreprocessingSettings {
     pub filter: FilterSpec,
 }
 
+/// Time after the onset in which no reflex changes the torque yet, s (section 2.4 of the paper).
+pub const REFLEX_FREE_S: f64 = 0.040;
+
 impl Default for PreprocessingSettings {
     /// The paper's settings: a window of 40 ms and a third-order filter of 50 Hz.
     fn default() -> Self {
-        Self { window_s: 0.040, filter: FilterSpec::PAPER }
+        Self { window_s: REFLEX_FREE_S, filter: FilterSpec::PAPER }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::fit::calibration::asked_fit::AskedFit;
 use crate::fit::calibration::assumed_constants::{ASSUMED_ERROR, assumed_constants};
 use crate::fit::calibration::constant_effects::ConstantEffects;
 use crate::fit::data::observations::{ExcludedTrial, Observations};
-use crate::fit::data::preprocessing::PreprocessingSettings;
+use crate::fit::data::preprocessing::{PreprocessingSettings, REFLEX_FREE_S};
 use crate::fit::data::rig_constants::RigConstants;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::fitted::quantities::QUANTITIES;
@@ -31,6 +31,22 @@ pub const FIT_FORMAT: &str = "ramphold-fit/1";
 
 /// A model that accounts for less of the variance of every trial than this describes none of them.
 pub const DESCRIBING_VAF: f64 = 0.5;
+
+/// What a reader must know of a fit whose window, `window_s`, holds more than the time without reflexes: a reflex is then part of the
+/// torque, and a model without one takes it for stiffness and yield. `None` where neither is so; `model` is the contents of a model file.
+pub fn reflex_warning(window_s: f64, model: &Value) -> Option<String> {
+    let has_reflex = model["mechanisms"]
+        .as_array()
+        .is_some_and(|own| own.iter().any(|own| own["mechanism"] == "stretch_reflex"));
+    (window_s > REFLEX_FREE_S && !has_reflex).then(|| {
+        format!(
+            "the window of {:.0} ms is longer than the {:.0} ms in which no reflex acts (de Vlugt et al. 2011), and the model has no \
+             reflex: what one adds to the torque is fitted as stiffness, damping and yield",
+            1e3 * window_s,
+            1e3 * REFLEX_FREE_S
+        )
+    })
+}
 
 /// Results of a fit together with its settings: the contents of the result files.
 #[derive(Debug, Clone)]

@@ -1,7 +1,7 @@
 //! The verdict: whether the model is adequate, what is wrong, and how much that changes k_srs and x_e.
 
 use super::ReportSection;
-use crate::fit::DESCRIBING_VAF;
+use crate::fit::{DESCRIBING_VAF, reflex_warning};
 use crate::report::bias::{MeanChange, as_fitted};
 use crate::report::diagnosed::{Candidate, Diagnosed, DiagnosedCause, parameter_in_words};
 use crate::report::fitted::{Fitted, SHOWN, SPOKEN_OF, Shown};
@@ -65,6 +65,9 @@ fn warnings(section: &mut ReportSection, input: &ReportInput) {
             ),
             "",
         );
+    }
+    if let Some(warning) = reflex_warning(fitted.settings.window_s, &fitted.model) {
+        statement(section, "", &warning);
     }
     for accepted in &fitted.accepted {
         let what = format!(
