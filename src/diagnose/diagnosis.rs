@@ -19,7 +19,7 @@ use super::evidence::session_prior::SessionPrior;
 use super::evidence::used_freedom::{Freedom, UsedFreedom, smallest_p_value};
 use super::fit_chain::FitChain;
 use super::mains_hum::{DetectedHum, hum_probability};
-use super::preprocessing::DiagnosisInput;
+use super::preprocessing::{CoarseEncoder, DiagnosisInput};
 use super::within_trial::cross_validation::hum_removal_gain;
 use super::within_trial::null_distribution::{MISFIT_LEVEL, MisfitStatistics};
 use super::within_trial::residual_terms::{ResidualDescription, residual_term};
@@ -111,6 +111,13 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     if let Some(reason) = not_described(observations, &before) {
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
+    }
+    if let Some(CoarseEncoder { ratio, step_rad }) = look.coarse_encoder {
+        remarks.push(format!(
+            "the error of the recorded angle (steps of {:.2} mrad) has {ratio:.1} times the variance of the torque's noise: the motions are \
+             taken as known only between these steps, which hides causes of a small effect; measure with a finer encoder",
+            1e3 * step_rad
+        ));
     }
     if let Some(reason) = coarse_angle(observations, &before) {
         remarks

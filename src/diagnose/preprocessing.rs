@@ -1,9 +1,13 @@
-//! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike, mains hum removed.
+//! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike or, behind a coarse encoder, what its steps say
+//! of it, mains hum removed.
 
 use super::evidence::rig_knowledge::RigKnowledge;
 use super::mains_hum::{DetectedHum, detect_hum, remove_hum};
 use crate::dataset::Session;
-use crate::fit::{Model, NoiseSource, Observations, PreprocessingError, PreprocessingSettings, RigConstants};
+use crate::fit::{
+    Fit, Model, NoSessionModel, NoiseSource, Observations, PreprocessingError, PreprocessingSettings,
+    RigConstants, Weighting, coarse_angle,
+};
 use crate::signal::FilterSpec;
 
 /// A session preprocessed for the diagnosis.
@@ -17,6 +21,24 @@ pub struct DiagnosisInput {
     pub usable_trials: usize,
     /// What is known of the rig.
     pub rig: RigKnowledge,
+    /// That the steps of the encoder are coarse, and the motions are those between them.
+    pub coarse_encoder: Option<CoarseEncoder>,
+}
+
+/// An encoder whose steps are coarse.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CoarseEncoder {
+    /// Variance of the torque error from averaged angles, by that of the torque's own noise.
+    pub ratio: f64,
+    /// Step of the encoder, rad.
+    pub step_rad: f64,
+}
+
+/// A session of which the observations are made.
+struct Prepared {
+    observations: Observations,
+    usable_trials: usize,
+    coarse_encoder: Option<CoarseEncoder>,
 }
 
 /// Largest number of trials that are analysed. Every mechanism of the catalogue is fitted to them several times. Causes that this many
@@ -59,15 +81,19 @@ impl DiagnosisInput {
         let constants = rig.constants;
         let prepare = |session: &Session| prepare(session, view, model, constants);
         if let Some(frequency_hz) = model.hum_hz() {
-            let (observations, usable_trials) = prepare(&remove_hum(session, frequency_hz))?;
-            return Ok(Self { observations, hum: None, usable_trials, rig });
+            return Ok(prepare(&remove_hum(session, frequency_hz))?.of_rig(rig, None));
         }
-        let (as_it_is, usable_trials) = prepare(session)?;
-        let Some(found) = detect_hum(session) else {
-            return Ok(Self { observations: as_it_is, hum: None, usable_trials, rig });
-        };
-        let (observations, usable_trials) = prepare(&remove_hum(session, found.frequency_hz))?;
-        Ok(Self { observations, hum: Some((found, Box::new(as_it_is))), usable_trials, rig })
+        let as_it_is = prepare(session)?;
+        let Some(found) = detect_hum(session) else { return Ok(as_it_is.of_rig(rig, None)) };
+        let without_hum = prepare(&remove_hum(session, found.frequency_hz))?;
+        Ok(without_hum.of_rig(rig, Some((found, Box::new(as_it_is.observations)))))
+    }
+}
+
+impl Prepared {
+    fn of_rig(self, rig: RigKnowledge, hum: Option<(DetectedHum, Box<Observations>)>) -> DiagnosisInput {
+        let Self { observations, usable_trials, coarse_encoder } = self;
+        DiagnosisInput { observations, hum, usable_trials, rig, coarse_encoder }
     }
 }
 
@@ -76,25 +102,42 @@ fn prepare(
     view: PreprocessingSettings,
     model: &Model,
     constants: RigConstants,
-) -> Result<(Observations, usize), PreprocessingError> {
+) -> Result<Prepared, PreprocessingError> {
     let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = view.filter;
     let wide = DIAGNOSIS_CUTOFF_HZ.min(MAX_CUTOFF_FRACTION * session.sample_rate_hz).max(cutoff_hz);
     let filter = FilterSpec::Butterworth { order, cutoff_hz: wide, zero_phase };
     let mut observations =
         Observations::of_rig(session, PreprocessingSettings { filter, ..view }, constants)?;
+    let as_recorded = observations.clone();
     observations.average_motion();
+    let usable_trials = observations.trials.len();
+    let analysed = |observations: &Observations| match usable_trials > MAX_DIAGNOSED_TRIALS {
+        true => observations.subset(&some(observations)),
+        false => observations.clone(),
+    };
+    if let Some(ratio) = coarse_ratio(&observations, model) {
+        let mut in_steps = analysed(&as_recorded);
+        if in_steps.take_motions_in_steps() {
+            let coarse_encoder = Some(CoarseEncoder { ratio, step_rad: in_steps.angle_step_rad });
+            return Ok(Prepared { observations: in_steps, usable_trials, coarse_encoder });
+        }
+    }
     if observations.noise_source != Some(NoiseSource::Holds) {
         observations.estimate_noise_from_residuals(model);
     }
-    let usable_trials = observations.trials.len();
-    Ok((
-        if usable_trials > MAX_DIAGNOSED_TRIALS {
-            observations.subset(&some(&observations))
-        } else {
-            observations
-        },
-        usable_trials,
-    ))
+    Ok(Prepared { observations: analysed(&observations), usable_trials, coarse_encoder: None })
+}
+
+/// Variance of the torque error from averaged angles, by that of the torque's own noise, where the first is most of the error and comes from
+/// the steps of an encoder.
+fn coarse_ratio(observations: &Observations, model: &Model) -> Option<f64> {
+    if observations.angle_step_rad == 0.0 || observations.noise_source != Some(NoiseSource::Holds) {
+        return None;
+    }
+    match coarse_angle(observations, &Fit::new(observations, model, Weighting::MeasuredNoise)) {
+        Some(NoSessionModel::CoarseAngle { ratio, .. }) => Some(ratio),
+        _ => None,
+    }
 }
 
 /// Indices of the trials that are analysed, spread evenly over the conditions and over the repetitions of each.

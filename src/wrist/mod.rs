@@ -28,7 +28,7 @@ pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
 pub use integrate::{HermiteSegment, Integrator, LONGEST_STEP, substeps};
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
-pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
+pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response, through};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };

@@ -49,6 +49,29 @@ pub fn motor_motion(theta_rad: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
     Smoothing::ONE_RECORD.motion(theta_rad, period_s)
 }
 
+/// Angle and velocity of the cubic spline through angles whose motor rests at the first of them; at the last one its acceleration is zero.
+pub fn through(theta_rad: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
+    let count = theta_rad.len();
+    // The slopes, times the period, of a spline: each with four times its weight between its neighbours (Thomas's algorithm).
+    let mut above = vec![0.0; count];
+    let mut slopes = vec![0.0; count];
+    for sample in 1..count {
+        let last = sample + 1 == count;
+        let (own, right) = match last {
+            true => (2.0, 3.0 * (theta_rad[sample] - theta_rad[sample - 1])),
+            false => (4.0, 3.0 * (theta_rad[sample + 1] - theta_rad[sample - 1])),
+        };
+        let pivot = own - above[sample - 1];
+        above[sample] = 1.0 / pivot;
+        slopes[sample] = (right - slopes[sample - 1]) / pivot;
+    }
+    for sample in (0..count.saturating_sub(1)).rev() {
+        slopes[sample] -= above[sample] * slopes[sample + 1];
+    }
+    let knot = |(theta, slope): (&f64, &f64)| Kinematics { theta: *theta, omega: slope / period_s };
+    theta_rad.iter().zip(&slopes).map(knot).collect()
+}
+
 /// Value and slope of the cubic fitted to the samples around each sample (Savitzky and Golay 1964), with a shorter stretch
 /// near the ends.
 fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Kinematics<f64>> {

@@ -1,6 +1,7 @@
 //! Errors of the angle that trials have in common: the angle at rest between two steps of the encoder, which nobody sees before the motor
-//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity. Beside them the errors of the rig's
-//! measured constants, which all trials share as well.
+//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity. Behind a coarse encoder the motions of a
+//! velocity have errors of their own in the place of all three. Beside them the errors of the rig's measured constants, which all trials
+//! share as well.
 
 use std::sync::Arc;
 
@@ -10,6 +11,7 @@ use super::rig_knowledge::{FRICTION_LAWS, RigKnowledge};
 use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance};
 use crate::statistics::{group_indices, upper_median};
+use crate::wrist::Kinematics;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
 const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
@@ -29,10 +31,21 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
-    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing and of the rig's
-    /// constants.
+    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing, of the rig's
+    /// constants, and of motions between the steps of an encoder.
     at_rest: Vec<Vec<usize>>,
+    /// The errors of such motions that count.
+    in_steps: Vec<ErrorInSteps>,
     moved: Arc<MovedSessions>,
+}
+
+/// An error that the motions of one velocity share, behind a coarse encoder.
+#[derive(Debug, Clone)]
+struct ErrorInSteps {
+    /// The trials of the velocity.
+    trials: Vec<usize>,
+    /// Number of the error.
+    place: usize,
 }
 
 /// The session with other motions, which do not depend on the model.
@@ -40,8 +53,8 @@ pub struct AngleErrors {
 struct MovedSessions {
     /// The angle at rest wrong by one encoder step, if it has steps.
     at_rest: Option<Observations>,
-    /// Smoothed once more, and twice more.
-    smoothed: [Observations; 2],
+    /// Smoothed once more, and twice more, if the motions are smoothed ones.
+    smoothed: Option<[Observations; 2]>,
     /// With each error of the rig's constants, and each deviation of a measured friction's law.
     rig: Vec<Observations>,
 }
@@ -49,15 +62,20 @@ struct MovedSessions {
 /// What the motions of [`MovedSessions`] change.
 struct Changes {
     at_rest: Option<Vec<DVector<f64>>>,
-    smoothing: [Vec<DVector<f64>>; 2],
+    smoothing: Vec<Vec<DVector<f64>>>,
     rig: Vec<Vec<DVector<f64>>>,
 }
 
 impl MovedSessions {
     fn of(observations: &Observations, rig: &RigKnowledge) -> Self {
-        let once = observations.smoothed_again();
-        let twice = once.smoothed_again();
-        let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
+        let is_smoothed = observations.trials.iter().all(|trial| trial.motion_errors.is_none());
+        let smoothed = is_smoothed.then(|| {
+            let once = observations.smoothed_again();
+            let twice = once.smoothed_again();
+            [once, twice]
+        });
+        let at_rest =
+            (is_smoothed && observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
         let laws = FRICTION_LAWS.iter().filter(|_| observations.constants.bearing_friction_nm != 0.0);
         let rig = rig
             .errors
@@ -65,7 +83,7 @@ impl MovedSessions {
             .map(|constants| with_other_constants(observations, constants))
             .chain(laws.map(|law| without_holds(observations.with_friction_law(*law))))
             .collect();
-        Self { at_rest, smoothed: [once, twice], rig }
+        Self { at_rest, smoothed, rig }
     }
 
     /// Changes of the whitened predictions of `fit`.
@@ -78,11 +96,14 @@ impl MovedSessions {
             let to = torques(moved, &fit.kinds, &fit.parameters);
             whitened_change(observations, fit, &from, &to)
         };
-        let [first, both] = self.smoothed.each_ref().map(change);
-        let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
+        let smoothing = self.smoothed.iter().flat_map(|smoothed| {
+            let [first, both] = smoothed.each_ref().map(change);
+            let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
+            [first, second]
+        });
         Changes {
             at_rest: self.at_rest.as_ref().map(change),
-            smoothing: [first, second],
+            smoothing: smoothing.collect(),
             rig: self
                 .rig
                 .iter()
@@ -163,6 +184,21 @@ impl AngleErrors {
         for changes in changes.rig {
             errors.push((1.0, (0..trials).collect(), changes));
         }
+        let mut in_steps = Vec::new();
+        for own in &velocities {
+            let errors_of_first = observations.trials[own[0]].motion_errors.as_ref();
+            for place in 0..errors_of_first.map_or(0, |errors| errors.shared.len()) {
+                let error = ErrorInSteps { trials: own.clone(), place };
+                let changes = error.changes(observations, fit);
+                let shift: f64 = changes.iter().map(DVector::norm_squared).sum();
+                if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
+                    let mut of_all = vec![DVector::zeros(0); trials];
+                    own.iter().zip(changes).for_each(|(trial, change)| of_all[*trial] = change);
+                    errors.push((1.0, own.clone(), of_all));
+                    in_steps.push(error);
+                }
+            }
+        }
         for direction in mean_motion_errors(observations, fit) {
             let changes: Vec<DVector<f64>> = (0..trials)
                 .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
@@ -184,7 +220,13 @@ impl AngleErrors {
             own
         };
         let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
-        Self { columns: (0..trials).map(column).collect(), variances, at_rest, moved: Arc::new(moved) }
+        Self {
+            columns: (0..trials).map(column).collect(),
+            variances,
+            at_rest,
+            in_steps,
+            moved: Arc::new(moved),
+        }
     }
 
     /// The same errors about another model: a torque that is recorded late, for example, shows them late.
@@ -200,10 +242,34 @@ impl AngleErrors {
             at_rest.iter().for_each(|changes| set(place, shared_by, changes));
         }
         let all: Vec<usize> = (0..self.columns.len()).collect();
+        let of_session = smoothing.len() + rig.len();
         for (place, changes) in smoothing.iter().chain(&rig).enumerate() {
             set(self.at_rest.len() + place, &all, changes);
         }
+        for (place, error) in self.in_steps.iter().enumerate() {
+            for (trial, change) in error.trials.iter().zip(error.changes(observations, fit)) {
+                errors.columns[*trial].set_column(self.at_rest.len() + of_session + place, &change);
+            }
+        }
         errors
+    }
+}
+
+impl ErrorInSteps {
+    /// Changes of the whitened predictions of `fit`, for each trial of the velocity.
+    fn changes(&self, observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+        let as_known = observations.subset(&self.trials);
+        let mut moved = as_known.clone();
+        for trial in &mut moved.trials {
+            let Some(errors) = &trial.motion_errors else { continue };
+            for (knot, by) in trial.input.motion.iter_mut().zip(&errors.shared[self.place]) {
+                *knot = Kinematics { theta: knot.theta + by.theta, omega: knot.omega + by.omega };
+            }
+        }
+        let parameters: Vec<Vec<f64>> =
+            self.trials.iter().map(|trial| fit.parameters[*trial].clone()).collect();
+        let [from, to] = [&as_known, &moved].map(|own| torques(own, &fit.kinds, &parameters));
+        whitened_change(&moved, fit, &from, &to)
     }
 }
 

@@ -10,13 +10,13 @@ use crate::statistics::group_indices;
 use crate::wrist::{Kinematics, Smoothing};
 
 /// Trials whose motor moves alike.
-struct AlikeTrials {
+pub(super) struct AlikeTrials {
     /// Their places among the observations.
-    trials: Vec<usize>,
+    pub trials: Vec<usize>,
     /// Sample of the onset in `angles`.
-    onset: usize,
+    pub onset: usize,
     /// Their angles, aligned at the onset, rad.
-    angles: Vec<Vec<f64>>,
+    pub angles: Vec<Vec<f64>>,
     /// Mean of the angles.
     mean: Vec<f64>,
 }
@@ -97,7 +97,7 @@ impl Observations {
         group_indices(self.trials.len(), key).into_values().collect()
     }
 
-    fn alike_trials(&self) -> Vec<AlikeTrials> {
+    pub(super) fn alike_trials(&self) -> Vec<AlikeTrials> {
         self.trials_of_velocities().into_iter().map(|trials| AlikeTrials::of(self, trials)).collect()
     }
 

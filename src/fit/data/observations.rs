@@ -1,6 +1,9 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
+use std::sync::Arc;
+
 use super::bearing_friction::{FrictionEffect, FrictionLaw};
+use super::motion_in_steps::MotionErrors;
 use super::rig_constants::{RigConstants, TorqueRescaling};
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
@@ -120,6 +123,8 @@ pub struct TrialObservation {
     pub angle_rad: Vec<f64>,
     /// Motor motion and covariates that drive the model.
     pub input: wrist::TrialInput,
+    /// What is not known of the motion, where it is that between the steps of an encoder.
+    pub motion_errors: Option<Arc<MotionErrors>>,
     /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
     /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,

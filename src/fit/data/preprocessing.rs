@@ -222,6 +222,7 @@ impl Observations {
             cubed_0_nm3,
             measured_nm,
             friction: None,
+            motion_errors: None,
             hold_stretches: self.hold_stretches(&hold),
         };
         self.take_friction(&mut observation);

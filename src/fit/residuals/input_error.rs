@@ -5,7 +5,10 @@ use nalgebra::{DMatrix, DVector};
 use super::prediction::predict;
 use crate::fit::data::observations::{Observations, TrialObservation};
 use crate::signal::filter;
-use crate::wrist::{SimulatedTorque, Smoothing};
+use crate::wrist::{Kinematics, SimulatedTorque, Smoothing};
+
+/// Part of a motion's error for which the model is linear: no yield is near.
+const SMALL_PART: f64 = 1e-3;
 
 /// Number of rest positions within a step of the encoder over which the quantisation error is averaged.
 const REST_POSITIONS: usize = 16;
@@ -21,6 +24,35 @@ pub fn input_error_covariance(observations: &Observations, point: &[f64; 6]) -> 
     observations.angle_smoothings.iter().fold(DMatrix::zeros(samples, samples), |sum, (share, smoothing)| {
         sum + smoothed_error_covariance(observations, *smoothing, point) * *share
     })
+}
+
+/// Covariance, (N m)^2, on the noise samples, of the torque error from what is unknown of each trial's own motion, for the trials of the noise
+/// covariance number `noise`; `None` where the motions are not those between steps of an encoder. `point` are rough values of the base
+/// parameters.
+pub fn own_motion_error_covariance(
+    observations: &Observations,
+    noise: usize,
+    point: &[f64; 6],
+) -> Option<DMatrix<f64>> {
+    let trial = observations.noise_index.iter().position(|own| *own == Some(noise))?;
+    let errors = observations.trials[trial].motion_errors.as_ref()?;
+    let values: Vec<usize> = observations.noise_samples().collect();
+    let mut covariance = DMatrix::zeros(values.len(), values.len());
+    let mut single = observations.subset(&[trial]);
+    let mut response = SimulatedTorque::default();
+    for error in errors.own.iter() {
+        // From rest, and small enough for the model to be linear.
+        let small = |knot: &Kinematics<f64>| Kinematics {
+            theta: SMALL_PART * knot.theta,
+            omega: SMALL_PART * knot.omega,
+        };
+        single.trials[0].input.motion = error.iter().map(small).collect();
+        predict(&single, &[], &[], &[0], point, &mut response);
+        let torque = values.iter().map(|value| response.torque_nm[*value] / SMALL_PART);
+        let torque = DVector::from_iterator(values.len(), torque);
+        covariance += &torque * torque.transpose();
+    }
+    Some(covariance)
 }
 
 /// The part of `input_error_covariance` that trials of one velocity have in common, since their motions are averaged; zero where they

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use nalgebra::DMatrix;
 
 use super::channel_covariance::{enlarged, whitener};
-use super::input_error::{further_encoder_covariance, input_error_covariance};
+use super::input_error::{further_encoder_covariance, input_error_covariance, own_motion_error_covariance};
 use crate::fit::data::hold_noise::STRETCHES_PER_WINDOW;
 use crate::fit::data::observations::Observations;
 use crate::signal::NoiseCovariance;
@@ -24,17 +24,24 @@ const MIN_PRECISION_FACTOR: f64 = 0.25;
 /// Covariance of the residuals for each noise covariance of the session, on the noise samples. `point` are rough values of the base
 /// parameters, which determine how an error of the angle becomes an error of the torque.
 pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Vec<NoiseCovariance> {
-    let input_error = input_error_covariance(observations, point)
-        + further_encoder_covariance(observations) * trials_of_a_condition(observations);
+    let further_error = further_encoder_covariance(observations) * trials_of_a_condition(observations);
+    // The same for all trials, unless their motions are those between the steps of an encoder.
+    let of_all = std::cell::OnceCell::new();
     let samples = observations.window_noise_samples().count();
-    let with_input_error = |noise: &NoiseCovariance| {
+    let with_input_error = |(place, noise): (usize, &NoiseCovariance)| {
+        let input_error = own_motion_error_covariance(observations, place, point)
+            .unwrap_or_else(|| of_all.get_or_init(|| input_error_covariance(observations, point)).clone());
         let factors: Vec<f64> =
             channel_factors(noise, samples).into_iter().map(|(factor, _)| factor).collect();
-        let covariance =
-            enlarged(&(&noise.covariance + &input_error), &factors, samples, FLOOR_NM * FLOOR_NM);
+        let covariance = enlarged(
+            &(&noise.covariance + (input_error + &further_error)),
+            &factors,
+            samples,
+            FLOOR_NM * FLOOR_NM,
+        );
         NoiseCovariance { covariance, stretches: noise.stretches }
     };
-    observations.noise_covariances.iter().map(with_input_error).collect()
+    observations.noise_covariances.iter().enumerate().map(with_input_error).collect()
 }
 
 /// Mean number of trials that share the rounding errors of further encoders, as trials of one condition rest and move alike. An error
