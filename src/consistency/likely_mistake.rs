@@ -47,7 +47,7 @@ fn nearest(ratio: f64, mistakes: &[Mistake]) -> Option<String> {
 pub fn of_step(step_rad: f64) -> Option<String> {
     let turns = [std::f64::consts::TAU, 360.0];
     let is_turn = |turn: &f64| (step_rad / turn - 1.0).abs() < TURN_NEARNESS;
-    turns.iter().any(|turn| is_turn(turn)).then(|| {
+    turns.iter().any(is_turn).then(|| {
         format!("theta_m_rad changes by {step_rad:.3} from one sample to the next: does it start anew at a full turn?")
     })
 }
