@@ -136,6 +136,7 @@ impl NativeMotion {
             cubed_nm3: vec![0.0; samples],
             cubed_0_nm3: 0.0,
             friction: None,
+            motion_errors: None,
             hold_stretches: Vec::new(),
         };
         Self::of(Observations {
