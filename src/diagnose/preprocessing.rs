@@ -1,6 +1,7 @@
 //! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike or, behind a coarse encoder, what its steps say
 //! of it, mains hum removed.
 
+use super::base_model::UNTRUSTED_ANGLE_ERROR;
 use super::evidence::rig_knowledge::RigKnowledge;
 use super::mains_hum::{DetectedHum, detect_hum, remove_hum};
 use crate::dataset::Session;
@@ -21,7 +22,7 @@ pub struct DiagnosisInput {
     pub usable_trials: usize,
     /// What is known of the rig.
     pub rig: RigKnowledge,
-    /// That the steps of the encoder are coarse, and the motions are those between them.
+    /// That the steps of the encoder are coarse, and the motions are those between them; not where they are so coarse that no cause is looked for.
     pub coarse_encoder: Option<CoarseEncoder>,
 }
 
@@ -115,7 +116,7 @@ fn prepare(
         true => observations.subset(&some(observations)),
         false => observations.clone(),
     };
-    if let Some(ratio) = coarse_ratio(&observations, model) {
+    if let Some(ratio) = coarse_ratio(&observations, model).filter(|ratio| *ratio <= UNTRUSTED_ANGLE_ERROR) {
         let mut in_steps = analysed(&as_recorded);
         if in_steps.take_motions_in_steps() {
             let coarse_encoder = Some(CoarseEncoder { ratio, step_rad: in_steps.angle_step_rad });

@@ -6,6 +6,7 @@ pub mod covariates;
 pub mod further_channels;
 pub mod hold_noise;
 pub mod input_averaging;
+pub mod motion_errors;
 pub mod motion_in_steps;
 pub mod observations;
 pub mod preprocessing;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::bearing_friction::{FrictionEffect, FrictionLaw};
-use super::motion_in_steps::MotionErrors;
+use super::motion_errors::MotionErrors;
 use super::rig_constants::{RigConstants, TorqueRescaling};
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;

@@ -47,7 +47,7 @@ pub struct MotionsWithin {
 
 /// The site of a sample: a normal distribution by its precision, and its mean times the precision.
 #[derive(Debug, Clone, Copy)]
-struct Site {
+struct IntervalSite {
     precision: f64,
     weighted: f64,
 }
@@ -55,8 +55,9 @@ struct Site {
 impl MotionsWithin {
     /// The motions whose samples lie within half a step of `middles`, for each trial; `None` if the sites do not settle.
     pub fn new(covariances: &Covariances, middles: &[DVector<f64>]) -> Option<Self> {
-        let site = |middle: &f64| Site { precision: 12.0, weighted: 12.0 * middle };
-        let mut sites: Vec<Vec<Site>> = middles.iter().map(|own| own.iter().map(site).collect()).collect();
+        let site = |middle: &f64| IntervalSite { precision: 12.0, weighted: 12.0 * middle };
+        let mut sites: Vec<Vec<IntervalSite>> =
+            middles.iter().map(|own| own.iter().map(site).collect()).collect();
         for round in 0..MOST_ROUNDS {
             let damping = DAMPING[2 * round / MOST_ROUNDS];
             let given_sites = given(covariances, &sites)?;
@@ -71,7 +72,7 @@ impl MotionsWithin {
 }
 
 /// The motions given the sites, with the density of the sites' means as evidence.
-fn given(covariances: &Covariances, sites: &[Vec<Site>]) -> Option<MotionsWithin> {
+fn given(covariances: &Covariances, sites: &[Vec<IntervalSite>]) -> Option<MotionsWithin> {
     let count = covariances.mean.nrows();
     let mut log_density = 0.0;
     let mut inverses = Vec::with_capacity(sites.len());
@@ -127,7 +128,7 @@ fn renew(
     motions: &MotionsWithin,
     middles: &[DVector<f64>],
     damping: f64,
-    sites: &mut [Vec<Site>],
+    sites: &mut [Vec<IntervalSite>],
 ) -> Renewed {
     let mut renewed = Renewed { change: 0.0, log_normaliser: 0.0 };
     for (trial, own) in sites.iter_mut().enumerate() {

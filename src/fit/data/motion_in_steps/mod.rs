@@ -16,24 +16,13 @@ use nalgebra::{DMatrix, DVector};
 
 use self::motion_prior::{KnownMotions, RecordsInSteps, most_probable};
 use super::input_averaging::AlikeTrials;
+use super::motion_errors::MotionErrors;
 use super::observations::Observations;
 use crate::wrist::{Kinematics, through};
 
 /// Variance, in squares of an encoder step, below which an independent error of a motion is left out: a thousandth of a step moves the
 /// torque by less than the smallest noise that is counted.
 const SMALLEST_VARIANCE: f64 = 1e-6;
-
-/// What is not known of the motions of one velocity. All errors are independent and of unit variance, and are changes of the motion that
-/// drives the model.
-#[derive(Debug)]
-pub struct MotionErrors {
-    /// Number of the velocity.
-    pub velocity: usize,
-    /// Errors that its trials share: the change of this trial's motion by each.
-    pub shared: Vec<Vec<Kinematics<f64>>>,
-    /// Errors of each trial's own; the same for all trials of the velocity.
-    pub own: Arc<Vec<Vec<Kinematics<f64>>>>,
-}
 
 impl Observations {
     /// Replaces the motion of each trial by what its record in steps and those of the trials that move alike say of it. `false` if they

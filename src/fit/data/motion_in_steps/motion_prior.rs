@@ -14,7 +14,7 @@ const REST_SD: f64 = 1.0;
 const JITTER_SD: f64 = 0.001;
 
 /// Time in which the speed of a usual ramp rises, s: third differences are counted by those of such a rise.
-const RISE_S: f64 = 0.010;
+const USUAL_RISE_S: f64 = 0.010;
 
 /// Sizes of the third differences as exponents of ten: of the mean motion, and of a trial's own.
 type Exponents = [f64; 2];
@@ -69,7 +69,8 @@ impl RecordsInSteps {
             DVector::from_iterator(angle.len() - first, angle[first..].iter().map(|own| own / step_rad))
         };
         let records: Vec<DVector<f64>> = angles.iter().map(own).collect();
-        let usual_difference = speed_rad_s * period_s * period_s * period_s / (RISE_S * RISE_S * step_rad);
+        let usual_difference =
+            speed_rad_s * period_s * period_s * period_s / (USUAL_RISE_S * USUAL_RISE_S * step_rad);
         (records[0].len() <= MOST_SAMPLES).then_some(Self { records, usual_difference })
     }
 

@@ -4,7 +4,7 @@
 const REACH: f64 = 9.0;
 
 /// Number of intervals of Simpson's rule, which is even: the moments are exact to 1e-5.
-const INTERVALS: usize = 64;
+const SIMPSON_INTERVALS: usize = 64;
 
 /// Moments of a normal distribution that is cut to an interval.
 #[derive(Debug, Clone, Copy)]
@@ -24,26 +24,27 @@ impl TruncatedNormal {
         let (near, far) = (low.max(mean - REACH * sd), high.min(mean + REACH * sd));
         // Far in a tail, the whole interval.
         let (low, high) = if near < far { (near, far) } else { (low, high) };
-        let step = (high - low) / INTERVALS as f64;
+        let step = (high - low) / SIMPSON_INTERVALS as f64;
         let at = |place: usize| low + step * place as f64;
         let exponent = |value: f64| -0.5 * (value - mean) * (value - mean) / variance;
         let largest = exponent(mean.clamp(low, high));
         let weight = |place: usize| {
             let simpson = match place {
-                0 | INTERVALS => 1.0,
+                0 | SIMPSON_INTERVALS => 1.0,
                 own if own % 2 == 1 => 4.0,
                 _ => 2.0,
             };
             simpson * step / 3.0 * libm::exp(exponent(at(place)) - largest)
         };
         let (mut mass, mut first) = (0.0, 0.0);
-        for place in 0..=INTERVALS {
+        for place in 0..=SIMPSON_INTERVALS {
             mass += weight(place);
             first += weight(place) * at(place);
         }
         let centre = first / mass;
-        let second: f64 =
-            (0..=INTERVALS).map(|place| weight(place) * (at(place) - centre) * (at(place) - centre)).sum();
+        let second: f64 = (0..=SIMPSON_INTERVALS)
+            .map(|place| weight(place) * (at(place) - centre) * (at(place) - centre))
+            .sum();
         let log_density = largest - libm::log(sd) - 0.5 * libm::log(std::f64::consts::TAU);
         Self { log_mass: log_density + libm::log(mass), mean: centre, variance: second / mass }
     }
