@@ -24,8 +24,8 @@ const PRECISIONS: (f64, f64) = (1e-4, 1e6);
 /// Covariances of the mean motion and of what each trial adds.
 #[derive(Debug, Clone)]
 pub struct Covariances {
-    /// Of the mean motion.
-    pub mean: DMatrix<f64>,
+    /// A factor of that of the mean motion: the covariance is this times its transpose.
+    pub mean_factor: DMatrix<f64>,
     /// Of each trial's own.
     pub own: DMatrix<f64>,
 }
@@ -73,7 +73,8 @@ impl MotionsWithin {
 
 /// The motions given the sites, with the density of the sites' means as evidence.
 fn given(covariances: &Covariances, sites: &[Vec<IntervalSite>]) -> Option<MotionsWithin> {
-    let count = covariances.mean.nrows();
+    let factor_of_mean = &covariances.mean_factor;
+    let count = factor_of_mean.nrows();
     let mut log_density = 0.0;
     let mut inverses = Vec::with_capacity(sites.len());
     let mut sum = DMatrix::zeros(count, count);
@@ -93,10 +94,11 @@ fn given(covariances: &Covariances, sites: &[Vec<IntervalSite>]) -> Option<Motio
         pull += pulled;
         inverses.push((inverse, means));
     }
-    let decomposed = (DMatrix::identity(count, count) + &covariances.mean * &sum).lu();
-    log_density -= 0.5 * decomposed.u().diagonal().iter().map(|own| libm::log(own.abs())).sum::<f64>();
-    let mut mean_covariance = decomposed.solve(&covariances.mean)?;
-    mean_covariance = (&mean_covariance + mean_covariance.transpose()) * 0.5;
+    // By the factor, since the covariance itself is nearly singular.
+    let precision = DMatrix::identity(count, count) + factor_of_mean.transpose() * &sum * factor_of_mean;
+    let decomposed = precision.cholesky()?;
+    log_density -= decomposed.l_dirty().diagonal().iter().map(|own| libm::log(*own)).sum::<f64>();
+    let mean_covariance = factor_of_mean * decomposed.solve(&factor_of_mean.transpose());
     let mean = &mean_covariance * &pull;
     log_density += 0.5 * pull.dot(&mean);
     let mut motions = MotionsWithin {

@@ -76,14 +76,12 @@ impl RecordsInSteps {
 
     fn within(&self, exponents: Exponents) -> Option<MotionsWithin> {
         let count = self.records[0].len();
-        let smooth = summed_three_times(count);
-        let [mean, own] = exponents.map(|own| {
-            let sd = libm::pow(10.0, own) * self.usual_difference;
-            &smooth * (sd * sd)
-        });
+        let sums = summed_three_times(count);
+        let [mean_factor, own] = exponents.map(|own| &sums * (libm::pow(10.0, own) * self.usual_difference));
+        let own = &own * own.transpose();
         let jitter = DMatrix::identity(count, count) * (JITTER_SD * JITTER_SD);
         let rest = DMatrix::from_element(count, count, REST_SD * REST_SD);
-        MotionsWithin::new(&Covariances { mean, own: own + rest + jitter }, &self.records)
+        MotionsWithin::new(&Covariances { mean_factor, own: own + rest + jitter }, &self.records)
     }
 }
 
@@ -128,14 +126,13 @@ fn from_rest(within: MotionsWithin) -> KnownMotions {
     }
 }
 
-/// Covariance of white noise of unit variance that is summed up three times, from the second of `count` samples on.
+/// What sums up white noise three times, from the second of `count` samples on.
 fn summed_three_times(count: usize) -> DMatrix<f64> {
-    let sums = DMatrix::from_fn(count, count, |sample, source| {
+    DMatrix::from_fn(count, count, |sample, source| {
         if source == 0 || sample < source {
             return 0.0;
         }
         let later = (sample - source) as f64;
         0.5 * (later + 1.0) * (later + 2.0)
-    });
-    &sums * sums.transpose()
+    })
 }
