@@ -137,13 +137,6 @@ pub(super) fn read_description(folder: &SessionFolder) -> Result<ParsedDescripti
     check_format(|| FilePlace::field(name.clone(), "format"), &version.format, SESSION_FORMAT)?;
     missing_fields(&name, &text)?;
     let about: ParsedDescription = parse_json(&name, &text)?;
-    if about.subject.id.trim().is_empty() {
-        return Err(DatasetError::Value {
-            at: FilePlace::field(name, "subject.id"),
-            found: format!("{:?}", about.subject.id),
-            expected: "an identifier of the person, such as S01".to_owned(),
-        });
-    }
     check_values(&name, about.sample_rate_hz, about.rig.lever.as_ref(), about.recorded_filter.as_ref())?;
     Ok(about)
 }
