@@ -157,16 +157,17 @@ impl AnalysedSession {
     }
 }
 
-/// Checks that all trials of the session `name` are in `observations`.
+/// Checks that all trials of the session in the folder `session` are in `observations`.
 ///
 /// # Errors
 /// If there are others.
-pub fn check_none_left_out(name: &str, observations: &Observations) -> Result<(), Failure> {
+pub fn check_none_left_out(session: &Path, observations: &Observations) -> Result<(), Failure> {
     let left_out = observations.excluded_trials.clone();
     if left_out.is_empty() {
         return Ok(());
     }
-    Err(Failure::TrialsLeftOut { session: name.to_owned(), analysed: observations.trials.len(), left_out })
+    let analysed = observations.trials.len();
+    Err(Failure::TrialsLeftOut { session: session.display().to_string(), analysed, left_out })
 }
 
 /// `settings` with the analysed time `window_s` after the onset, s, where it is given.

@@ -97,7 +97,7 @@ impl Verb for DiagnoseArgs {
         } else {
             summary(console, &diagnosis, &json)?;
         }
-        check_none_left_out(&self.session.display().to_string(), prepared)
+        check_none_left_out(&self.session, prepared)
     }
 }
 

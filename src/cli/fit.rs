@@ -89,7 +89,7 @@ impl Verb for FitArgs {
             let (read, fitted) = self.fit(session, &model, console)?;
             self.write(session, read, folder.as_ref(), &fitted.results, console)?;
             self.show(console, &fitted.results)?;
-            return check_none_left_out(&session.display().to_string(), &fitted.observations);
+            return check_none_left_out(session, &fitted.observations);
         }
         self.fit_many(console, &sessions, &folders, &model)
     }
@@ -149,9 +149,7 @@ impl FitArgs {
                 });
                 progress.inc(1);
                 let fitted = done.map_err(tell).ok()?;
-                if let Err(failure) =
-                    check_none_left_out(&session.display().to_string(), &fitted.observations)
-                {
+                if let Err(failure) = check_none_left_out(session, &fitted.observations) {
                     partly.fetch_add(1, Ordering::Relaxed);
                     tell(failure);
                 }

@@ -290,13 +290,18 @@ fn a_trial_of_constant_torque_is_said_to_tell_nothing_and_the_other_is_estimated
     assert_eq!(table.lines().count(), 2, "only trial 1 has estimates: {table}");
 }
 
-#[test]
-fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
-    let workspace = sound();
+/// Ends the record of trial 2 some 50 ms after its onset.
+fn cut_second_trial_short(workspace: &Workspace) {
     let file = workspace.path("session/trials/trial-002.csv");
     let short: String =
         fs::read_to_string(&file).unwrap().lines().take(350).map(|line| format!("{line}\n")).collect();
     fs::write(&file, short).unwrap();
+}
+
+#[test]
+fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
+    let workspace = sound();
+    cut_second_trial_short(&workspace);
     let output = fit(&workspace, &["--window", "0.1"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "the work was only partly possible: {message}");
@@ -306,10 +311,7 @@ fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
 #[test]
 fn of_several_sessions_one_with_a_trial_left_out_is_named_and_the_others_are_fitted() {
     let workspace = sound();
-    let file = workspace.path("session/trials/trial-002.csv");
-    let short: String =
-        fs::read_to_string(&file).unwrap().lines().take(350).map(|line| format!("{line}\n")).collect();
-    fs::write(&file, short).unwrap();
+    cut_second_trial_short(&workspace);
     let whole = sound();
     let sessions = [workspace.path("session"), whole.path("session")];
     let output = workspace.ramphold(&["fit", "--window", "0.1"]).args(&sessions).output().unwrap();

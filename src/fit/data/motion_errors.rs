@@ -8,8 +8,6 @@ use crate::wrist::Kinematics;
 /// drives the model.
 #[derive(Debug)]
 pub struct MotionErrors {
-    /// Number of the velocity.
-    pub velocity: usize,
     /// Errors that its trials share: the change of this trial's motion by each.
     pub shared: Vec<Vec<Kinematics<f64>>>,
     /// Errors of each trial's own; the same for all trials of the velocity.

@@ -36,25 +36,26 @@ impl Observations {
         let records: Option<Vec<RecordsInSteps>> = records.collect();
         let Some(known) = records.and_then(|records| most_probable(&records)) else { return false };
         let by_level = std::mem::take(&mut self.noise_index);
-        let mut noises: Vec<(Option<usize>, usize)> = vec![(None, 0); by_level.len()];
+        let mut noises: Vec<Option<(usize, usize)>> = vec![None; by_level.len()];
         for (velocity, (group, known)) in groups.iter().zip(&known).enumerate() {
-            self.take_known(velocity, group, known);
-            group.trials.iter().for_each(|trial| noises[*trial] = (by_level[*trial], velocity));
+            self.take_known(group, known);
+            group
+                .trials
+                .iter()
+                .for_each(|trial| noises[*trial] = by_level[*trial].map(|level| (level, velocity)));
         }
         // The errors of a trial's own differ between velocities, and so do the weights of its residuals.
-        let mut distinct = noises.clone();
+        let mut distinct: Vec<(usize, usize)> = noises.iter().copied().flatten().collect();
         distinct.sort_unstable();
         distinct.dedup();
         let measured = std::mem::take(&mut self.noise_covariances);
-        self.noise_covariances =
-            distinct.iter().filter_map(|(level, _)| Some(measured[(*level)?].clone())).collect();
-        self.noise_index =
-            noises.iter().map(|own| own.0.and_then(|_| distinct.iter().position(|of| of == own))).collect();
+        self.noise_covariances = distinct.iter().map(|(level, _)| measured[*level].clone()).collect();
+        self.noise_index = noises.iter().map(|own| distinct.binary_search(&(*own)?).ok()).collect();
         true
     }
 
     /// Gives the trials of a velocity the motions that are known of them.
-    fn take_known(&mut self, velocity: usize, group: &AlikeTrials, known: &KnownMotions) {
+    fn take_known(&mut self, group: &AlikeTrials, known: &KnownMotions) {
         let (step, period_s) = (self.angle_step_rad, self.period_s);
         let rest = vec![0.0; group.onset - RecordsInSteps::BEFORE_ONSET];
         let motion = |observations: &Self, steps: &DVector<f64>| -> Vec<Kinematics<f64>> {
@@ -71,7 +72,7 @@ impl Observations {
             known_trial.angle_rad.clone_from(angle);
             self.take_friction(&mut known_trial);
             let shared = shared.iter().map(|error| motion(self, &(&known.of_mean[place] * error))).collect();
-            known_trial.motion_errors = Some(Arc::new(MotionErrors { velocity, shared, own: own.clone() }));
+            known_trial.motion_errors = Some(Arc::new(MotionErrors { shared, own: own.clone() }));
             self.trials[*trial] = known_trial;
         }
     }

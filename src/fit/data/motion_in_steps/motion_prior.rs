@@ -25,7 +25,8 @@ const FIRST: Exponents = [0.0, -2.25];
 /// Steps of the search; the last is a factor of less than two, within which the evidence hardly differs.
 const SEARCH_STEPS: [f64; 2] = [0.75, 0.25];
 
-/// The range of the search: rises that take a third and thirty times as long as usual, and motions that hardly differ between trials.
+/// The range of the search: rises that take from a sixth of the usual time to thirty times as long, and motions that hardly differ between
+/// trials.
 const RANGE: [(f64, f64); 2] = [(-3.0, 1.5), (-6.0, 1.5)];
 
 /// Most samples of a record: the work grows with their third power, to some ten seconds here.
