@@ -95,6 +95,18 @@ impl<P: Plain, const N: usize> Number for Jet<P, N> {
 }
 
 impl<P: Plain, const N: usize> Jet<P, N> {
+    /// The same value with its first `M` derivatives; those beyond `N` are zero.
+    #[inline(always)]
+    pub fn with_derivatives<const M: usize>(self) -> Jet<P, M> {
+        let mut result = Jet::<P, M>::lift(self.value);
+        let mut i = 0;
+        while i < M && i < N {
+            result.slope[i] = self.slope[i];
+            i += 1;
+        }
+        result
+    }
+
     /// `self + a b`, fused, where `a` has the first `M` derivatives alone.
     #[inline(always)]
     pub fn plus_product<const M: usize>(self, a: Jet<P, M>, b: Self) -> Self {

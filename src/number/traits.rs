@@ -74,7 +74,7 @@ pub trait Number:
     /// e to the power of self.
     #[inline(always)]
     fn exp(self) -> Self {
-        let value = elementary::exp(self.plain());
+        let value = self.plain().exponential();
         self.chain(value, value)
     }
 
@@ -109,6 +109,12 @@ pub trait Number:
 
 /// A number without derivatives: one value per lane.
 pub trait Plain: Lanes + Number<Plain = Self> + Send + Sync {
+    /// e to the power of self.
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        elementary::exp(self)
+    }
+
     /// log(1 + exp(self)), without overflow, and its slope, the logistic function.
     #[inline(always)]
     fn softplus_and_slope(self) -> (Self, Self) {

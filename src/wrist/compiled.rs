@@ -4,7 +4,8 @@
 
 /// One trial, on any processor.
 pub(super) mod one {
-    use crate::wrist::batch::{Batch, run};
+    use crate::wrist::batch::Batch;
+    use crate::wrist::passes::run;
     use crate::wrist::simulation::SimulatedTorque;
 
     pub fn simulate(batch: &Batch, response: &mut SimulatedTorque) {
@@ -15,7 +16,8 @@ pub(super) mod one {
 /// One trial, with the instruction for what is fused; without it the same bits take longer.
 #[cfg(target_arch = "x86_64")]
 pub(super) mod one_fused {
-    use crate::wrist::batch::{Batch, run};
+    use crate::wrist::batch::Batch;
+    use crate::wrist::passes::run;
     use crate::wrist::simulation::SimulatedTorque;
 
     #[target_feature(enable = "fma")]
@@ -28,7 +30,8 @@ pub(super) mod one_fused {
 #[cfg(target_arch = "x86_64")]
 pub(super) mod four {
     use crate::number::Four;
-    use crate::wrist::batch::{Batch, run};
+    use crate::wrist::batch::Batch;
+    use crate::wrist::passes::run;
     use crate::wrist::simulation::SimulatedTorque;
 
     #[target_feature(enable = "avx2,fma")]
@@ -41,7 +44,8 @@ pub(super) mod four {
 #[cfg(target_arch = "x86_64")]
 pub(super) mod eight {
     use crate::number::Eight;
-    use crate::wrist::batch::{Batch, run};
+    use crate::wrist::batch::Batch;
+    use crate::wrist::passes::run;
     use crate::wrist::simulation::SimulatedTorque;
 
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]

@@ -19,6 +19,12 @@ impl<T: Number> History<T> {
         Self { start_s, period_s, states, values: Vec::new() }
     }
 
+    /// The same with room for `samples` samples.
+    pub fn with_room(mut self, samples: usize) -> Self {
+        self.values.reserve_exact(2 * self.states * samples);
+        self
+    }
+
     /// Adds the next sample: the added states and their rates.
     ///
     /// # Panics

@@ -5,11 +5,11 @@
 //! phi_m(M) = sum_k M^k / (k + m)!, a state becomes phi_0(M) z and a force x^m along v adds m! phi_(m+1)(M) v (Hochbruck and Ostermann
 //! 2010, Exponential integrators, section 2).
 
-use super::plant::{Lever, YIELD_SMOOTHNESS_PER_NM};
+use super::plant::Plant;
 use crate::number::{Jet, Number, Plain};
 
 /// The number of terms of the series. Up to [`LONGEST_LINEAR_STEP`] the terms left out are below 1e-13 of the sum.
-const TERMS: usize = 16;
+pub(super) const TERMS: usize = 16;
 
 /// Greatest product of the fastest rate of the linear part and the step.
 pub(super) const LONGEST_LINEAR_STEP: f64 = 1.0;
@@ -18,7 +18,7 @@ pub(super) const LONGEST_LINEAR_STEP: f64 = 1.0;
 pub(super) const FORCE: usize = 4;
 
 /// 1/n!.
-const TAYLOR_WEIGHTS: [f64; TERMS + FORCE + 1] = {
+pub(super) const TAYLOR_WEIGHTS: [f64; TERMS + FORCE + 1] = {
     let mut all = [1.0; TERMS + FORCE + 1];
     let mut n = 1;
     while n < all.len() {
@@ -32,7 +32,8 @@ const TAYLOR_WEIGHTS: [f64; TERMS + FORCE + 1] = {
 pub(super) const LINEAR_PARAMETERS: usize = 4;
 
 /// What a step does to a state of `STATES` angles and speeds, each followed by its speed: the handle's, if the lever is compliant, then
-/// the joint's. Each coefficient has `N` derivatives: by the [`LINEAR_PARAMETERS`], or none.
+/// the joint's. Each coefficient has `N` derivatives: by the [`LINEAR_PARAMETERS`], by more where a mechanism alters the linear part, or
+/// none.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinearResponse<P, const STATES: usize, const N: usize> {
     /// From a state, by column, to the state a step later, by row.
@@ -41,6 +42,8 @@ pub(super) struct LinearResponse<P, const STATES: usize, const N: usize> {
     pub motor: [[Jet<P, N>; FORCE]; STATES],
     /// From the coefficients of a torque on the joint, N m.
     pub joint_torque: [[Jet<P, N>; FORCE]; STATES],
+    /// From the coefficients of a torque on the handle, N m. A rigid lever has none.
+    pub handle_torque: [[Jet<P, N>; FORCE]; STATES],
     /// Torque in the lever for a difference of angle between motor and what it turns, N m/rad, and of speed, N m step/rad.
     pub coupling: [Jet<P, N>; 2],
     /// The same of the interface, for a difference between handle and joint.
@@ -51,13 +54,12 @@ pub(super) struct LinearResponse<P, const STATES: usize, const N: usize> {
 type Acceleration<P, const STATES: usize, const N: usize> = [Jet<P, N>; STATES];
 
 impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N> {
-    /// The response over a step of `step_s` of a wrist with the `parameters` I_j, b_h, k_h, k_srs. A rigid lever has two states, a
-    /// compliant one four.
+    /// The response of `plant` over a step of `step_s`. A compliant lever has four states; a rigid one needs two, and of four the handle's
+    /// stay zero.
     #[inline(always)]
-    pub fn new(lever: Option<Lever>, parameters: &[Jet<P, N>], joint_damping: f64, step_s: f64) -> Self {
-        let [inertia, damping, stiffness, short_range] =
-            [parameters[0], parameters[1], parameters[2], parameters[3]];
-        let per_inertia = Jet::constant(step_s) / inertia;
+    pub fn new(plant: &Plant<Jet<P, N>>, step_s: f64) -> Self {
+        let (stiffness, damping) = (plant.interface_stiffness, plant.interface_damping);
+        let per_inertia = Jet::constant(step_s) / plant.joint_inertia;
         let interface = [
             per_inertia * stiffness.scale(step_s), // by the difference of angle
             per_inertia * damping,                 // by the difference of speed
@@ -65,24 +67,23 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
         let joint = STATES - 2;
         let zero = Jet::constant(0.0);
         let mut rows: [Acceleration<P, STATES, N>; 2] = [[zero; STATES]; 2];
-        rows[1][joint] = -interface[0] - per_inertia * short_range.scale(step_s);
-        rows[1][joint + 1] = -interface[1] - per_inertia.scale(joint_damping);
+        rows[1][joint] = -interface[0] - per_inertia * plant.short_range_stiffness.scale(step_s);
+        rows[1][joint + 1] = -interface[1] - per_inertia * plant.joint_damping;
         let torque_at_interface = [stiffness, damping.scale(1.0 / step_s)];
         let coupling;
         // Acceleration of what the motor turns, by its angle and by its speed.
         let drive;
-        match lever {
+        let mut per_handle_torque = zero;
+        match plant.lever {
             None => {
                 drive = interface;
                 coupling = torque_at_interface;
             }
             Some(lever) => {
-                let per_lever = step_s / lever.inertia_kg_m2;
-                let own = [
-                    Jet::constant(per_lever * step_s * lever.stiffness_nm_per_rad),
-                    Jet::constant(per_lever * lever.damping_nm_s_per_rad),
-                ];
-                let across = [stiffness.scale(per_lever * step_s), damping.scale(per_lever)];
+                let per_lever = Jet::constant(step_s) / lever.inertia;
+                per_handle_torque = per_lever.scale(step_s);
+                let own = [per_handle_torque * lever.stiffness, per_lever * lever.damping];
+                let across = [per_handle_torque * stiffness, per_lever * damping];
                 let mut by = 0;
                 while by < 2 {
                     rows[0][by] = -own[by] - across[by];
@@ -91,26 +92,32 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
                     by += 1;
                 }
                 drive = own;
-                coupling = [
-                    Jet::constant(lever.stiffness_nm_per_rad),
-                    Jet::constant(lever.damping_nm_s_per_rad / step_s),
-                ];
+                coupling = [lever.stiffness, lever.damping / Jet::constant(step_s)];
             }
         }
         let mut response = Self {
             transition: [[zero; STATES]; STATES],
             motor: [[zero; FORCE]; STATES],
             joint_torque: [[zero; FORCE]; STATES],
+            handle_torque: [[zero; FORCE]; STATES],
             coupling,
             interface: torque_at_interface,
         };
-        response.fill(&rows, drive, per_inertia.scale(step_s));
+        // Index of the body that the motor turns.
+        let driven = if plant.lever.is_some() { 0 } else { STATES / 2 - 1 };
+        response.fill(&rows, (driven, drive), per_handle_torque, per_inertia.scale(step_s));
         response
     }
 
     /// `rows` holds the accelerations of handle and joint, at a rigid lever of the joint alone, in the last row.
     #[inline(always)]
-    fn fill(&mut self, rows: &[Acceleration<P, STATES, N>; 2], drive: [Jet<P, N>; 2], per_torque: Jet<P, N>) {
+    fn fill(
+        &mut self,
+        rows: &[Acceleration<P, STATES, N>; 2],
+        (driven, drive): (usize, [Jet<P, N>; 2]),
+        per_handle_torque: Jet<P, N>,
+        per_joint_torque: Jet<P, N>,
+    ) {
         let zero = Jet::constant(0.0);
         let bodies = STATES / 2;
         // phi_0 ... phi_4 of a unit change of speed of each body, the handle's first.
@@ -135,18 +142,22 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
                 self.transition[row][2 * body] = of_angle;
                 body += 1;
             }
-            // The force of the motor is drive[0] u + drive[1] u', along the first body's speed.
+            // The force of the motor is drive[0] u + drive[1] u', along the speed of the body that it turns.
             let mut power = 0;
             let mut factorial = 1.0;
             while power < FORCE {
-                let own = phi[0][power + 1][row].scale(factorial);
+                let own = phi[driven][power + 1][row].scale(factorial);
                 self.motor[row][power] = own * drive[0];
                 if power > 0 {
                     // The derivative of x^m is m x^(m-1), and m (m-1)! = m!.
                     self.motor[row][power] =
-                        self.motor[row][power] + phi[0][power][row].scale(factorial) * drive[1];
+                        self.motor[row][power] + phi[driven][power][row].scale(factorial) * drive[1];
                 }
-                self.joint_torque[row][power] = phi[bodies - 1][power + 1][row].scale(factorial) * per_torque;
+                if bodies == 2 {
+                    self.handle_torque[row][power] = own * per_handle_torque;
+                }
+                self.joint_torque[row][power] =
+                    phi[bodies - 1][power + 1][row].scale(factorial) * per_joint_torque;
                 power += 1;
                 factorial *= power as f64;
             }
@@ -200,47 +211,21 @@ fn of_unit_speed<P: Plain, const STATES: usize, const N: usize>(
     }
 }
 
-/// The number of steps per sample, for a period of `period_s`, that the linear part and the yield need: the parameters are those of the
-/// base model, `speed_rad_s` is the motor's highest speed.
-///
-/// Over a step the torque that the yield takes away is a cubic. Its error grows with the fourth power of the change of
-/// a_s k_dec (theta_j - x_e) over the step; the tests hold it below 1e-5 N m.
-pub(super) fn exact_steps(
-    lever: Option<Lever>,
-    parameters: &[f64],
-    speed_rad_s: f64,
-    period_s: f64,
-) -> usize {
-    /// Greatest change of a_s k_dec (theta_j - x_e) over a step.
-    const WIDEST_YIELD_STEP: f64 = 1.75;
-    let (inertia, damping, stiffness, short_range, decrement) =
-        (parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]);
-    let joint = damping / inertia;
-    let mut fastest = joint.max(libm::sqrt((stiffness + short_range) / inertia));
-    if let Some(lever) = lever {
-        let handle = (damping + lever.damping_nm_s_per_rad) / lever.inertia_kg_m2;
-        let swing = libm::sqrt((stiffness + lever.stiffness_nm_per_rad) / lever.inertia_kg_m2);
-        fastest = fastest.max(joint + handle).max(swing);
-    }
-    let of_yield = YIELD_SMOOTHNESS_PER_NM * decrement * speed_rad_s / WIDEST_YIELD_STEP;
-    let wanted = libm::ceil(period_s * (fastest / LONGEST_LINEAR_STEP).max(of_yield));
-    if wanted.is_finite() { (wanted as usize).clamp(1, 64).next_power_of_two() } else { 64 }
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
+    use crate::wrist::plant::{JOINT_DAMPING_NM_S_PER_RAD, Lever};
 
     /// The exponential of the same system with its forces as states, by nalgebra.
     #[test]
     fn a_step_is_the_matrix_exponential_of_its_system() {
         let lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
-        let (step, joint_damping) = (4e-4, 1e-5);
+        let (step, joint_damping) = (4e-4, JOINT_DAMPING_NM_S_PER_RAD);
         let [i_j, b_h, k_h, k_srs] = [0.005, 1.2, 300.0, 20.0];
-        let parameters = [i_j, b_h, k_h, k_srs].map(Jet::<f64, 0>::constant);
-        let ours = LinearResponse::<f64, 4, 0>::new(Some(lever), &parameters, joint_damping, step);
+        let parameters = [i_j, b_h, k_h, k_srs, 13.0, 0.04].map(Jet::<f64, 0>::constant);
+        let ours = LinearResponse::<f64, 4, 0>::new(&Plant::base(Some(lever), &parameters), step);
         let (i_l, b_l, k_l) = (lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad);
         // Angles and speeds in rad and rad/s, then the force and its derivatives by time.
         let system = |force: [f64; 4]| {
@@ -265,6 +250,7 @@ mod tests {
         let joint = system([0.0, 0.0, 0.0, 1.0 / i_j]);
         let stiff = system([0.0, k_l / i_l, 0.0, 0.0]);
         let damped = system([0.0, b_l / i_l, 0.0, 0.0]);
+        let handle = system([0.0, 1.0 / i_l, 0.0, 0.0]);
         let speed = |row: usize| if row % 2 == 1 { step } else { 1.0 };
         let power = |m: usize| [1.0, 1.0, 2.0, 6.0][m] / libm::pow(step, m as f64);
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12 * b.abs().max(1e-3), "{a} and {b}");
@@ -274,6 +260,7 @@ mod tests {
             }
             for m in 0..FORCE {
                 close(ours.joint_torque[row][m].value, joint[(row, 4 + m)] * power(m) * speed(row));
+                close(ours.handle_torque[row][m].value, handle[(row, 4 + m)] * power(m) * speed(row));
                 let of_speed =
                     if m == 0 { 0.0 } else { damped[(row, 3 + m)] * power(m - 1) * m as f64 / step };
                 let own = stiff[(row, 4 + m)] * power(m) + of_speed;

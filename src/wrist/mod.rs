@@ -6,8 +6,12 @@
 
 pub mod mechanisms;
 
+mod base_trials;
 mod batch;
+mod channel_states;
 mod compiled;
+mod exact_steps;
+mod extended;
 mod further_channel;
 mod history;
 mod integrate;
@@ -15,6 +19,8 @@ mod interpolation;
 mod linear_response;
 mod mechanics;
 mod motion;
+mod passes;
+mod past_values;
 mod plant;
 mod presliding;
 mod propagator;
@@ -22,8 +28,11 @@ mod simulate;
 mod simulation;
 #[cfg(test)]
 mod tests;
+mod torque_channel;
 mod trace;
+mod yield_loss;
 
+pub use exact_steps::steps_per_sample;
 pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
 pub use integrate::{HermiteSegment, Integrator, LONGEST_STEP, substeps};
@@ -34,7 +43,5 @@ pub use plant::{
 };
 pub use presliding::built_up_friction;
 pub use simulate::{simulate, simulate_over};
-pub use simulation::{
-    SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, runge_kutta_steps, steps_per_sample,
-};
+pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, runge_kutta_steps};
 pub use trace::{TraceSample, srs_period_s, trace};

@@ -120,14 +120,14 @@ fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
 /// If there are fewer than four samples.
 pub fn delayed_motion(motion: &[Kinematics<f64>], delay_s: f64, period_s: f64) -> Vec<Kinematics<f64>> {
     let channels = ChannelErrors { torque_delay_s: delay_s, ..ChannelErrors::none() };
-    corrected_motion::<f64>(&[motion; 16], &[0.0; 16], motion.len(), &channels, period_s)
+    corrected::<f64>(&[motion; 16], &[0.0; 16], motion.len(), &channels, period_s)
 }
 
 /// The motor's motion behind records with errors of the channel: removes the gain and the
 /// nonlinearity, shifts the time, and simulates the servo that
 /// follows a recorded command. `records` holds one record per lane, `starts` the index at which the result begins.
 #[inline(always)]
-pub(super) fn corrected_motion<T: Number>(
+pub(super) fn corrected<T: Number>(
     records: &[&[Kinematics<f64>]; 16],
     starts: &[f64; 16],
     count: usize,

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::number::Number;
+use crate::number::{Jet, Number, Plain};
 
 /// Joint damping b_j of the base model, N m s/rad (section 2.3: negligible, fixed for numerical stability).
 pub const JOINT_DAMPING_NM_S_PER_RAD: f64 = 1e-5;
@@ -100,6 +100,34 @@ impl<T: Number> Plant<T> {
             elastic_limit: parameters[5],
             joint_damping: T::constant(JOINT_DAMPING_NM_S_PER_RAD),
             smoothness: T::constant(YIELD_SMOOTHNESS_PER_NM),
+        }
+    }
+}
+
+impl<P: Plain, const N: usize> Plant<Jet<P, N>> {
+    /// The same coefficients with their first `M` derivatives alone.
+    #[inline(always)]
+    pub(super) fn with_derivatives<const M: usize>(&self) -> Plant<Jet<P, M>> {
+        // A closure would be compiled without the vector instructions of the surrounding function.
+        #[allow(clippy::manual_map)]
+        let lever = match self.lever {
+            None => None,
+            Some(lever) => Some(LeverCoefficients {
+                inertia: lever.inertia.with_derivatives(),
+                damping: lever.damping.with_derivatives(),
+                stiffness: lever.stiffness.with_derivatives(),
+            }),
+        };
+        Plant {
+            lever,
+            joint_inertia: self.joint_inertia.with_derivatives(),
+            interface_damping: self.interface_damping.with_derivatives(),
+            interface_stiffness: self.interface_stiffness.with_derivatives(),
+            short_range_stiffness: self.short_range_stiffness.with_derivatives(),
+            stiffness_decrement: self.stiffness_decrement.with_derivatives(),
+            elastic_limit: self.elastic_limit.with_derivatives(),
+            joint_damping: self.joint_damping.with_derivatives(),
+            smoothness: self.smoothness.with_derivatives(),
         }
     }
 }

@@ -1,122 +1,114 @@
-//! The base model from sample to sample: the linear part exactly, the yield as a cubic.
+//! A wrist from sample to sample: its linear part exactly, the yield as a cubic.
 //!
 //! Eq. 1-7 are linear but for the torque that the yield takes away (Eq. 2). Over a step this torque is taken as the cubic with its values
-//! and slopes at both ends, where those at the end follow from a first guess of the state there. Mechanisms alter the equations, and are
-//! integrated step by step (see [`Integrator`](super::Integrator)).
+//! and slopes at both ends, where those at the end follow from a first guess of the state there. What mechanisms do in addition is in
+//! [`extended`](super::extended).
 
 use super::further_channel::FurtherValues;
 use super::integrate::HermiteSegment;
-use super::linear_response::{FORCE, LINEAR_PARAMETERS, LinearResponse};
-use super::plant::{BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, YIELD_SMOOTHNESS_PER_NM};
+use super::linear_response::{FORCE, LinearResponse};
+use super::mechanics::Kinematics;
+use super::plant::{BASE_PARAMETERS, Lever, Plant};
+use super::yield_loss::{BaseYield, Loss, YieldLoss};
 use crate::number::{Jet, Number, Plain};
 
-/// Number of parameters of the base model.
-const PARAMETERS: usize = BASE_PARAMETERS.len();
-
-/// Indices of k_dec and x_e.
-const DECREMENT: usize = LINEAR_PARAMETERS;
-const LIMIT: usize = LINEAR_PARAMETERS + 1;
-
-/// Below minus this, log(1 + exp(x)) and its slope count as zero. They are below 3e-9 there, less than 1e-10 N m.
-const SILENT: f64 = 20.0;
-
 /// A state, in which each angle (rad) is followed by its speed (rad per step).
-type Angles<P, const STATES: usize, const ALL: usize> = [Jet<P, ALL>; STATES];
+pub(super) type Angles<P, const STATES: usize, const ALL: usize> = [Jet<P, ALL>; STATES];
 
-/// The base model of a wrist over steps of one length, with `ALL` derivatives of a state and `LINEAR` of the linear part: six and four, or
-/// none.
+/// A wrist over steps of one length, with `ALL` derivatives of a state, of which the first `LINEAR` are those of the linear part.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Propagator<P, const STATES: usize, const LINEAR: usize, const ALL: usize> {
+pub(super) struct Propagator<P, Y, const STATES: usize, const LINEAR: usize, const ALL: usize> {
     response: LinearResponse<P, STATES, LINEAR>,
-    /// a_s k_dec, k_dec and x_e.
-    slope: P,
-    decrement: P,
-    elastic_limit: P,
-    /// log(1 + exp(-a_s k_dec x_e)): Eq. 2 as a change from the steady state.
-    at_rest: Jet<P, ALL>,
+    pub yield_loss: Y,
     /// 1 / I_l; `None` for a rigid lever.
-    inverse_lever_inertia: Option<f64>,
+    inverse_lever_inertia: Option<Jet<P, LINEAR>>,
     step_s: f64,
 }
 
-/// The torque that the yield takes away at one time, N m, and its change per step.
+/// The motor at one time.
 #[derive(Debug, Clone, Copy)]
-struct Loss<P, const ALL: usize> {
-    torque: Jet<P, ALL>,
-    rate: Jet<P, ALL>,
+pub(super) struct MotorAtSample<T> {
+    /// Angle, rad.
+    pub angle: T,
+    /// Angular acceleration, rad/s2.
+    pub acceleration: T,
 }
 
 /// A wrist that moves.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MovingWrist<P, const STATES: usize, const ALL: usize> {
-    state: Angles<P, STATES, ALL>,
-    loss: Loss<P, ALL>,
+    pub state: Angles<P, STATES, ALL>,
+    pub loss: Loss<P, ALL>,
     /// Whether the yield takes nothing away in any lane.
-    is_silent: bool,
+    pub is_silent: bool,
 }
 
 impl<P: Plain, const STATES: usize, const ALL: usize> MovingWrist<P, STATES, ALL> {
     /// At rest; the first step finds out how near the yield is.
     #[inline(always)]
     pub fn at_rest() -> Self {
-        let zero = Jet::constant(0.0);
-        Self { state: [zero; STATES], loss: Loss { torque: zero, rate: zero }, is_silent: false }
+        Self { state: [Jet::constant(0.0); STATES], loss: Loss::none(), is_silent: false }
     }
 }
 
 impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
-    Propagator<P, STATES, LINEAR, ALL>
+    Propagator<P, BaseYield<P, ALL>, STATES, LINEAR, ALL>
 {
-    /// For steps of `step_s`. `parameters` are the six of the base model.
+    /// The base model with its six `parameters`, for steps of `step_s`.
     #[inline(always)]
-    pub fn new(lever: Option<Lever>, parameters: &[P; PARAMETERS], step_s: f64) -> Self {
-        let mut linear = [Jet::constant(0.0); LINEAR_PARAMETERS];
+    pub fn base(lever: Option<Lever>, parameters: &[P; BASE_PARAMETERS.len()], step_s: f64) -> Self {
+        let mut linear = [Jet::constant(0.0); BASE_PARAMETERS.len()];
         let mut index = 0;
-        while index < LINEAR_PARAMETERS {
+        while index < linear.len() {
             linear[index] = Jet::variable(parameters[index], index);
             index += 1;
         }
-        let response = LinearResponse::new(lever, &linear, JOINT_DAMPING_NM_S_PER_RAD, step_s);
-        let decrement = Jet::<P, ALL>::variable(parameters[DECREMENT], DECREMENT);
-        let limit = Jet::<P, ALL>::variable(parameters[LIMIT], LIMIT);
-        let slope = decrement.scale(YIELD_SMOOTHNESS_PER_NM);
-        Self {
-            response,
-            slope: slope.value,
-            decrement: decrement.value,
-            elastic_limit: limit.value,
-            at_rest: (-(slope * limit)).softplus(),
-            inverse_lever_inertia: lever.map(|lever| 1.0 / lever.inertia_kg_m2),
-            step_s,
-        }
+        Self::new(&Plant::base(lever, &linear), BaseYield::new(parameters), step_s)
+    }
+}
+
+impl<P: Plain, Y: YieldLoss<P, ALL>, const STATES: usize, const LINEAR: usize, const ALL: usize>
+    Propagator<P, Y, STATES, LINEAR, ALL>
+{
+    /// For steps of `step_s`.
+    #[inline(always)]
+    pub fn new(plant: &Plant<Jet<P, LINEAR>>, yield_loss: Y, step_s: f64) -> Self {
+        // A closure would be compiled without the vector instructions of the surrounding function.
+        #[allow(clippy::manual_map)]
+        let inverse_lever_inertia = match plant.lever {
+            Some(lever) => Some(Jet::constant(1.0) / lever.inertia),
+            None => None,
+        };
+        Self { response: LinearResponse::new(plant, step_s), yield_loss, inverse_lever_inertia, step_s }
     }
 
-    /// The torque in the lever, N m, at the start of the motor's motion `motor`.
+    /// The torque in the lever, N m, with the motor at `motor`.
     #[inline(always)]
-    pub fn torque(&self, wrist: &MovingWrist<P, STATES, ALL>, motor: &HermiteSegment<P>) -> Jet<P, ALL> {
-        let motor = motor.at(0.0);
-        let (driven, coupling) = (&wrist.state[..2], &self.response.coupling);
+    pub fn torque(&self, state: &Angles<P, STATES, ALL>, motor: Kinematics<Jet<P, ALL>>) -> Jet<P, ALL> {
+        // At a rigid lever the motor turns the hand itself.
+        let driven = if self.inverse_lever_inertia.is_some() { 0 } else { STATES - 2 };
+        let speed = motor.omega.scale(self.step_s);
         Self::torque_between(
-            coupling,
-            [Jet::lift(motor.theta) - driven[0], Jet::lift(motor.omega).scale(self.step_s) - driven[1]],
+            &self.response.coupling,
+            [motor.theta - state[driven], speed - state[driven + 1]],
         )
     }
 
-    /// What the further channels show at the start of the motor's motion `motor`, where the lever has the torque `lever_torque`. At a
-    /// rigid lever the handle moves with the motor.
+    /// What the further channels show with the motor at `motor`, where the lever has the torque `lever_torque` and add
+    /// `added_interface` to that between handle and hand. At a rigid lever the handle moves with the motor.
     #[inline(always)]
     pub fn further_values(
         &self,
-        wrist: &MovingWrist<P, STATES, ALL>,
-        motor: &HermiteSegment<P>,
+        state: &Angles<P, STATES, ALL>,
+        motor: MotorAtSample<Jet<P, ALL>>,
         lever_torque: Jet<P, ALL>,
+        added_interface: Jet<P, ALL>,
     ) -> FurtherValues<Jet<P, ALL>> {
-        let state = &wrist.state;
         let theta_j = state[STATES - 2];
         match self.inverse_lever_inertia {
             None => FurtherValues {
-                theta_l: Jet::lift(motor.at(0.0).theta),
-                alpha_l: Jet::lift(motor.acceleration_at_start()),
+                theta_l: motor.angle,
+                alpha_l: motor.acceleration,
                 torque_h: lever_torque,
                 theta_j,
             },
@@ -124,10 +116,11 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
                 let torque_h = Self::torque_between(
                     &self.response.interface,
                     [state[0] - theta_j, state[1] - state[STATES - 1]],
-                );
+                ) + added_interface;
+                let zero = Jet::constant(0.0);
                 FurtherValues {
                     theta_l: state[0],
-                    alpha_l: (lever_torque - torque_h).scale(inverse_inertia),
+                    alpha_l: zero.plus_product(inverse_inertia, lever_torque - torque_h),
                     torque_h,
                     theta_j,
                 }
@@ -145,96 +138,111 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
     #[inline(always)]
     pub fn step(&self, wrist: &mut MovingWrist<P, STATES, ALL>, motor: &[P; FORCE]) {
         let joint = STATES - 2;
-        let mut to = [Jet::constant(0.0); STATES];
-        let mut row = 0;
-        while row < STATES {
-            let mut sum = Jet::constant(0.0);
-            let mut from = 0;
-            while from < STATES {
-                sum = sum.plus_product(self.response.transition[row][from], wrist.state[from]);
-                from += 1;
-            }
-            let mut power = 0;
-            while power < FORCE {
-                sum = sum.plus_scaled(self.response.motor[row][power], motor[power]);
-                power += 1;
-            }
-            to[row] = sum;
-            row += 1;
-        }
-        if wrist.is_silent && !self.is_near(to[joint].value) {
+        let mut to = self.coasted(&wrist.state);
+        self.push_recorded_motor(&mut to, motor);
+        if wrist.is_silent && !self.yield_loss.is_near(to[joint].value) {
             wrist.state = to;
             return;
         }
         let Loss { torque, rate } = wrist.loss;
-        let mut guess = [to[joint], to[joint + 1]];
-        let mut which = 0;
-        while which < 2 {
-            let of_torque = &self.response.joint_torque[joint + which];
-            guess[which] = guess[which].plus_product(of_torque[0], torque).plus_product(of_torque[1], rate);
-            which += 1;
+        let zero = Jet::constant(0.0);
+        let mut guess = to;
+        self.push_joint(&mut guess, &[torque, rate, zero, zero], joint, 2);
+        let end = self.yield_loss.at(guess[joint], guess[joint + 1]);
+        self.push_joint(&mut to, &wrist.loss.until(&end), 0, FORCE);
+        wrist.state = to;
+        wrist.loss = self.yield_loss.at(to[joint], to[joint + 1]);
+        wrist.is_silent = !self.yield_loss.is_near(to[joint].value);
+    }
+
+    /// A step later, if nothing acts on the wrist.
+    #[inline(always)]
+    pub fn coasted(&self, from: &Angles<P, STATES, ALL>) -> Angles<P, STATES, ALL> {
+        let mut to = [Jet::constant(0.0); STATES];
+        let mut row = 0;
+        while row < STATES {
+            let mut column = 0;
+            while column < STATES {
+                to[row] = to[row].plus_product(self.response.transition[row][column], from[column]);
+                column += 1;
+            }
+            row += 1;
         }
-        let end = self.loss(guess[0], guess[1]);
-        let rise = end.torque - torque;
-        let force =
-            [torque, rate, rise.scale(3.0) - rate.scale(2.0) - end.rate, rate + end.rate - rise.scale(2.0)];
+        to
+    }
+
+    /// Adds what the motor does, whose angle is the polynomial `motor` in the fraction of the step, rad, and depends on no parameter.
+    #[inline(always)]
+    pub fn push_recorded_motor(&self, to: &mut Angles<P, STATES, ALL>, motor: &[P; FORCE]) {
         let mut row = 0;
         while row < STATES {
             let mut power = 0;
             while power < FORCE {
-                to[row] = to[row].plus_product(self.response.joint_torque[row][power], force[power]);
+                to[row] = to[row].plus_scaled(self.response.motor[row][power], motor[power]);
                 power += 1;
             }
             row += 1;
         }
-        wrist.state = to;
-        wrist.loss = self.loss(to[joint], to[joint + 1]);
-        wrist.is_silent = !self.is_near(to[joint].value);
     }
 
-    /// Whether the yield takes anything away at the joint angle `angle` in any lane.
+    /// Adds what the motor does, whose angle is the polynomial `motor` in the fraction of the step, rad.
     #[inline(always)]
-    fn is_near(&self, angle: P) -> bool {
-        (self.slope * (angle - self.elastic_limit) + P::splat(SILENT)).any_positive()
+    pub fn push_motor(&self, to: &mut Angles<P, STATES, ALL>, motor: &[Jet<P, ALL>; FORCE]) {
+        Self::push(&self.response.motor, to, motor, 0, FORCE);
     }
 
-    /// What the yield takes away at this angle and speed of the joint.
+    /// Adds what a torque on the joint does, a polynomial in the fraction of the step, N m, of which the first `coefficients` are not zero;
+    /// to the state from `first_row` on.
     #[inline(always)]
-    fn loss(&self, angle: Jet<P, ALL>, speed: Jet<P, ALL>) -> Loss<P, ALL> {
-        let past = angle.value - self.elastic_limit;
-        let beyond = angle
-            .times(self.slope)
-            .with_slope(DECREMENT, past * P::splat(YIELD_SMOOTHNESS_PER_NM))
-            .with_slope(LIMIT, -self.slope);
-        let beyond = Jet { value: self.slope * past, slope: beyond.slope };
-        let is_near = beyond.value + P::splat(SILENT);
-        let (one, zero) = (P::splat(1.0), P::splat(0.0));
-        let counts = is_near.where_positive(one, zero);
-        let (softplus, logistic) = P::softplus_and_slope(beyond.value);
-        let value = beyond.chain(softplus, logistic);
-        let torque = (value - self.at_rest).times(counts * P::splat(1.0 / YIELD_SMOOTHNESS_PER_NM));
-        // d/dx of the torque is k_dec logistic(beyond) times the speed.
-        let part = beyond.chain(logistic, logistic * (one - logistic));
-        let stiffness = part.times(self.decrement).with_slope(DECREMENT, part.value);
-        let rate = (stiffness * speed).times(counts);
-        Loss { torque, rate }
+    pub fn push_joint(
+        &self,
+        to: &mut Angles<P, STATES, ALL>,
+        torque: &[Jet<P, ALL>; FORCE],
+        first_row: usize,
+        coefficients: usize,
+    ) {
+        Self::push(&self.response.joint_torque, to, torque, first_row, coefficients);
+    }
+
+    /// Adds what a torque on the handle does, a polynomial in the fraction of the step, N m.
+    #[inline(always)]
+    pub fn push_handle(&self, to: &mut Angles<P, STATES, ALL>, torque: &[Jet<P, ALL>; FORCE]) {
+        Self::push(&self.response.handle_torque, to, torque, 0, FORCE);
+    }
+
+    #[inline(always)]
+    fn push(
+        response: &[[Jet<P, LINEAR>; FORCE]; STATES],
+        to: &mut Angles<P, STATES, ALL>,
+        force: &[Jet<P, ALL>; FORCE],
+        first_row: usize,
+        coefficients: usize,
+    ) {
+        let mut row = first_row;
+        while row < STATES {
+            let mut power = 0;
+            while power < coefficients {
+                to[row] = to[row].plus_product(response[row][power], force[power]);
+                power += 1;
+            }
+            row += 1;
+        }
     }
 }
 
 /// The polynomial of the motor's angle over step number `step` of `steps`, from that over the whole sample.
 #[inline(always)]
-pub(super) fn part_of_sample<P: Plain>(whole: &HermiteSegment<P>, step: usize, steps: usize) -> [P; FORCE] {
+pub(super) fn part_of_sample<T: Number>(whole: &HermiteSegment<T>, step: usize, steps: usize) -> [T; FORCE] {
     let whole = whole.coefficients();
     if steps == 1 {
         return whole;
     }
     let (x, part) = (step as f64 / steps as f64, 1.0 / steps as f64);
     let [a, b, c, d] = whole;
-    let by = |value: P, factor: f64| value * P::splat(factor);
     [
-        a + by(b, x) + by(c, x * x) + by(d, x * x * x),
-        by(b + by(c, 2.0 * x) + by(d, 3.0 * x * x), part),
-        by(c + by(d, 3.0 * x), part * part),
-        by(d, part * part * part),
+        a + b.scale(x) + c.scale(x * x) + d.scale(x * x * x),
+        (b + c.scale(2.0 * x) + d.scale(3.0 * x * x)).scale(part),
+        (c + d.scale(3.0 * x)).scale(part * part),
+        d.scale(part * part * part),
     ]
 }

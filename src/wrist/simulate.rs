@@ -1,7 +1,8 @@
 //! Simulation of whole trials, several at once, with derivatives.
 
-use super::batch::{self, Batch, MAX_DERIVATIVES};
+use super::batch::Batch;
 use super::compiled;
+use super::passes::{self, passes};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
 #[cfg(target_arch = "x86_64")]
 use super::simulation::{has_avx_2, has_avx_512};
@@ -66,7 +67,7 @@ pub fn simulate_over<P: Plain>(
     response: &mut SimulatedTorque,
 ) {
     let given = Trials::new(settings, trials, parameters, response);
-    given.each_group::<P>(0..trials.len(), response, |batch, response| batch::run::<P>(batch, response));
+    given.each_group::<P>(0..trials.len(), response, |batch, response| passes::run::<P>(batch, response));
 }
 
 /// What is to be simulated.
@@ -105,23 +106,18 @@ impl<'a> Trials<'a> {
     ) {
         let Self { settings, trials, parameters } = self;
         let count = settings.parameter_count();
+        let passes = passes(settings);
         for first in range.clone().step_by(P::LANES) {
             let last = (first + P::LANES).min(range.end);
-            let mut begin = 0;
-            loop {
-                let end = (begin + MAX_DERIVATIVES).min(settings.derivatives.len());
+            for wanted in &passes {
                 let batch = Batch {
                     settings,
                     trials: &trials[first..last],
                     parameters: &parameters[first * count..last * count],
                     first,
-                    wanted: begin..end,
+                    wanted: wanted.clone(),
                 };
                 run(&batch, response);
-                begin = end;
-                if begin == settings.derivatives.len() {
-                    break;
-                }
             }
         }
     }

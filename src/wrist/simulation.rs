@@ -3,7 +3,6 @@
 use super::further_channel::ScaledChannel;
 use super::history::History;
 use super::integrate::substeps;
-use super::linear_response::exact_steps;
 use super::mechanics::Kinematics;
 use super::mechanisms::{ActiveMechanisms, Covariates, MechanismKind};
 use super::plant::{BASE_PARAMETERS, Lever, Plant};
@@ -49,7 +48,7 @@ pub struct SimulationSettings<'a> {
 
 impl TrialInput {
     /// The motor's highest speed, rad/s.
-    fn highest_speed_rad_s(&self) -> f64 {
+    pub(super) fn highest_speed_rad_s(&self) -> f64 {
         self.motion.iter().fold(0.0, |highest, knot| knot.omega.abs().max(highest))
     }
 }
@@ -66,24 +65,7 @@ impl SimulationSettings<'_> {
     }
 }
 
-/// Steps per sample that the model needs at these `parameters`: exact ones of the base model, whose error is below 1e-5 N m, Runge-Kutta
-/// steps with mechanisms.
-/// A power of two: a small step of the parameters seldom changes it, and few trials of a session have steps of their own.
-pub fn steps_per_sample(
-    lever: Option<Lever>,
-    kinds: &[MechanismKind],
-    trial: &TrialInput,
-    parameters: &[f64],
-    period_s: f64,
-) -> usize {
-    if kinds.is_empty() {
-        exact_steps(lever, parameters, trial.highest_speed_rad_s(), period_s)
-    } else {
-        runge_kutta_steps(lever, kinds, trial, parameters, period_s).next_power_of_two()
-    }
-}
-
-/// Runge-Kutta steps per sample that the model needs at these `parameters`; see [`substeps`].
+/// Runge-Kutta steps per sample that the model needs at these `parameters` for a [`trace`](super::trace); see [`substeps`].
 pub fn runge_kutta_steps(
     lever: Option<Lever>,
     kinds: &[MechanismKind],
@@ -91,12 +73,26 @@ pub fn runge_kutta_steps(
     parameters: &[f64],
     period_s: f64,
 ) -> usize {
+    let plant = altered_plant(lever, kinds, trial, parameters);
     let history = History::new(0.0, period_s, 0);
+    let added = &parameters[BASE_PARAMETERS.len()..];
+    let active = ActiveMechanisms { kinds, parameters: added, trial: &trial.covariates, history: &history };
+    substeps(&plant, active.longest_step_s(trial.highest_speed_rad_s()), period_s)
+}
+
+/// The plant of a trial as mechanisms alter it.
+pub(super) fn altered_plant(
+    lever: Option<Lever>,
+    kinds: &[MechanismKind],
+    trial: &TrialInput,
+    parameters: &[f64],
+) -> Plant<f64> {
+    let history = History::new(0.0, 1.0, 0);
     let added = &parameters[BASE_PARAMETERS.len()..];
     let active = ActiveMechanisms { kinds, parameters: added, trial: &trial.covariates, history: &history };
     let mut plant = Plant::base(lever, parameters);
     active.alter_plant(&mut plant);
-    substeps(&plant, active.longest_step_s(trial.highest_speed_rad_s()), period_s)
+    plant
 }
 
 /// Number of trials that are simulated at once. The results have the same bits with every width.

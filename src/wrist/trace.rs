@@ -1,6 +1,6 @@
 //! One simulated trial with all angles, speeds and torques, for figures and for quantities derived from the motion.
 
-use super::batch::{Batch, motion};
+use super::batch::{Batch, corrected_motion, recorded};
 use super::history::History;
 use super::integrate::{HermiteSegment, Integrator};
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
@@ -46,7 +46,12 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
     active.alter_plant(&mut plant);
     let channels = active.channels();
     let mechanics = Mechanics::new(plant);
-    let motion = motion::<f64, f64>(&batch, &channels);
+    let motion = match settings.kinds.iter().any(|kind| kind.alters_angle()) {
+        true => corrected_motion::<f64, f64>(&batch, &channels),
+        false => (0..=settings.lead_samples + settings.samples)
+            .map(|sample| recorded::<f64>(&batch, sample))
+            .collect(),
+    };
     let mut integrator = Integrator::at_rest();
     let mut instants = Vec::with_capacity(settings.samples);
     for sample in 0..settings.lead_samples + settings.samples {

@@ -30,6 +30,7 @@ impl Mechanism for ActivationScaling {
         k_srs rises by 8 N m/rad from 0.9 to 2.1 N m (section 3.3 of de Vlugt et al. 2011), a step of \
         about a tenth of MVC, so of the order of 100 N m/rad per MVC";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::FlexorEmg];
 
     /// Flexor EMG of a virtual subject varies by about 1 % of MVC from trial to trial.

@@ -28,6 +28,19 @@ macro_rules! catalogue {
             sum + FreeLawKind::JointPastSpeed.state_count() + FreeLawKind::TorqueChannelPastTorque.state_count()
         };
 
+        /// Number of states that one mechanism can have in the torque channel.
+        pub const MAX_CHANNEL_STATES: usize = {
+            let states: &[usize] = &[$($(#[$condition])? if <$module::$name as Mechanism>::ADDS_TORQUE { 0 } else { <$module::$name as Mechanism>::STATES },)*];
+            let (mut most, mut place) = (FreeLawKind::TorqueChannelPastTorque.state_count(), 0);
+            while place < states.len() {
+                if states[place] > most {
+                    most = states[place];
+                }
+                place += 1;
+            }
+            most
+        };
+
         impl MechanismKind {
             /// Identifier in results and model files.
             pub fn id(self) -> &'static str {
@@ -87,6 +100,32 @@ macro_rules! catalogue {
             /// Whether it alters how the recorded angle becomes the motor's.
             pub fn alters_angle(self) -> bool {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* Self::Free(law) => matches!(law, FreeLawKind::AngleChannelAngle) }
+            }
+
+            /// Whether it asks for its states at past times.
+            pub fn reads_past(self) -> bool {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::READS_PAST,)* Self::Free(law) => matches!(law, FreeLawKind::JointPastSpeed) }
+            }
+
+            /// Whether its torque sets in as sharply as the yield.
+            pub fn follows_yield(self) -> bool {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::FOLLOWS_YIELD,)* Self::Free(law) => matches!(law, FreeLawKind::JointAngleBeyondYield) }
+            }
+
+            /// Whether it adds torques to Eq. 3-7.
+            pub fn adds_torque(self) -> bool {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ADDS_TORQUE,)* Self::Free(law) => matches!(law.place(), Place::Joint | Place::Interface | Place::Handle) }
+            }
+
+            /// Whether it alters more of the plant than k_dec, x_e and a_s.
+            pub fn alters_linear_part(self) -> bool {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ALTERS_LINEAR_PART,)* Self::Free(_) => false }
+            }
+
+            /// Number of states that it has in the torque channel, which move nothing.
+            #[inline(always)]
+            pub fn channel_state_count(self) -> usize {
+                if self.adds_torque() { 0 } else { self.state_count() }
             }
 
             /// How long before the onset it may begin to act, s.

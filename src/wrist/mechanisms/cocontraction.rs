@@ -30,6 +30,7 @@ impl Mechanism for Cocontraction {
         The agonist has some 15 N m/rad at a tenth of its maximum (section 3.3 of de Vlugt et al. 2011), \
         so of the order of 150 N m/rad per MVC; a sign that is wrong is possible with crosstalk";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::ExtensorEmg];
 
     /// Extensor activity of a virtual subject is about 2 % of MVC, with a standard deviation of a fifth of that between trials.

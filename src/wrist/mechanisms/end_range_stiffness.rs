@@ -38,6 +38,7 @@ impl Mechanism for EndRangeStiffness {
     const SOURCE: &'static str = "Example of docs/how-to/add-a-mechanism.md";
     const PRIOR_SOURCE: &'static str = "Twice k_srs, anywhere in the second half of a ramp (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Angle), sd: 0.2 };
+    const ADDS_TORQUE: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.03, 0.05].map(|start| vec![30.0, start]).to_vec()

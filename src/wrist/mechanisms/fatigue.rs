@@ -30,6 +30,7 @@ impl Mechanism for Fatigue {
         Stiffness changes by some 10 to 20 % over a session of submaximal holds, in either direction \
         (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
 
     #[inline(always)]
     fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {

@@ -31,6 +31,7 @@ impl Mechanism for InterfaceHardening {
         radius of 0.1 m (assumed)";
     const LAW_SPACE: LawSpace =
         LawSpace { place: Place::Interface, argument: Some(Argument::Deflection), sd: 0.2 };
+    const ADDS_TORQUE: bool = true;
 
     #[inline(always)]
     fn add_torques<T: Number>(

@@ -31,6 +31,12 @@ impl Mechanism for InterfaceSlack {
         "Play of a firm grip: some 0.1 mm on either side, at a radius of 0.1 m (assumed)";
     const LAW_SPACE: LawSpace =
         LawSpace { place: Place::Interface, argument: Some(Argument::Deflection), sd: 0.1 };
+    const ADDS_TORQUE: bool = true;
+
+    /// The corners of the dead zone are passed within a step.
+    fn longest_step_s(_p: &[f64], _speed_rad_s: f64) -> f64 {
+        2.5e-4
+    }
 
     #[inline(always)]
     fn add_torques<T: Number>(

@@ -30,6 +30,7 @@ impl Mechanism for JointDamping {
         The passive wrist is nearly free of damping (section 2.3 of de Vlugt et al. 2011: negligible); \
         with active muscles a few 0.1 N m s/rad at most (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
+    const ALTERS_LINEAR_PART: bool = true;
 
     #[inline(always)]
     fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {

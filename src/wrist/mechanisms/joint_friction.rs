@@ -44,6 +44,7 @@ impl Mechanism for JointFriction {
         Cartilage and tendon sheaths hold a few per cent of a torque of 1 to 2 N m (assumed); breakaway \
         travel of dry contacts, some 0.1 mm at a radius of a few cm, within a factor of two (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
+    const ADDS_TORQUE: bool = true;
     const STATES: usize = 1;
 
     fn longest_step_s(p: &[f64], speed_rad_s: f64) -> f64 {

@@ -30,6 +30,7 @@ impl Mechanism for LeverDamping {
         About the value that the session states, within 50 %: structural damping is not on a drawing \
         (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Handle, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
 
     /// The value that the session states.

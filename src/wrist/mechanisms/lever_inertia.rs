@@ -29,6 +29,7 @@ impl Mechanism for LeverInertia {
     const PRIOR_SOURCE: &'static str =
         "About the value that the session states, within a factor of 1.6: a constant read off a drawing (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Handle, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
 
     /// The value that the session states.

@@ -97,8 +97,17 @@ pub trait Mechanism {
     const TORQUE_SCALING_SD: f64 = SIZE_DRIFT_SD;
     /// Data that a session must hold.
     const NEEDS: &'static [DataRequirement] = &[];
-    /// Number of states that it adds to the model.
+    /// Number of states that it adds to the model. Without [`Mechanism::ADDS_TORQUE`] they are states of the torque channel, whose rates
+    /// are linear in them and in the torque.
     const STATES: usize = 0;
+    /// Whether its torque sets in as sharply as the yield.
+    const FOLLOWS_YIELD: bool = false;
+    /// Whether it asks for its states at past times.
+    const READS_PAST: bool = false;
+    /// Whether it overrides [`Mechanism::add_torques`].
+    const ADDS_TORQUE: bool = false;
+    /// Whether it alters more of the plant than k_dec, x_e and a_s.
+    const ALTERS_LINEAR_PART: bool = false;
     /// Whether it overrides [`Mechanism::alter_channels`].
     const ALTERS_ANGLE: bool = false;
     /// How long before the onset it may begin to act, s.

@@ -31,6 +31,8 @@ impl Mechanism for PostYieldViscosity {
         Torque after the yield of up to about 1 N m at 3 rad/s (assumed; Rack and Westbury 1974 show \
         that it is viscous)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
+    const ADDS_TORQUE: bool = true;
+    const FOLLOWS_YIELD: bool = true;
 
     #[inline(always)]
     fn add_torques<T: Number>(

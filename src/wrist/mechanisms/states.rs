@@ -13,7 +13,7 @@ pub struct OwnStates<'a, T> {
 impl<'a, T: Number> OwnStates<'a, T> {
     /// The states `first..first + values.len()` of all added states, whose past is in `history`.
     #[inline(always)]
-    pub(super) fn new(values: &'a [T], history: &'a History<T>, first: usize) -> Self {
+    pub(in crate::wrist) fn new(values: &'a [T], history: &'a History<T>, first: usize) -> Self {
         Self { values, history, first }
     }
 

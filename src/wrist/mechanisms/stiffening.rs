@@ -29,6 +29,7 @@ impl Mechanism for Stiffening {
     const PRIOR_SOURCE: &'static str =
         "Stiffness changes by up to a third over 0.05 rad, in either direction (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Angle), sd: 0.2 };
+    const ADDS_TORQUE: bool = true;
 
     #[inline(always)]
     fn add_torques<T: Number>(

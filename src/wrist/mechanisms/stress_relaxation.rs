@@ -41,6 +41,7 @@ impl Mechanism for StressRelaxation {
         milliseconds to tens of milliseconds (assumed)";
     const LAW_SPACE: LawSpace =
         LawSpace { place: Place::Joint, argument: Some(Argument::PastSpeed), sd: 0.2 };
+    const ADDS_TORQUE: bool = true;
     const STATES: usize = 1;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {

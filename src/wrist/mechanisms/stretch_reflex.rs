@@ -62,6 +62,8 @@ impl Mechanism for StretchReflex {
         doi:10.1113/jphysiol.1986.sp016066)";
     const LAW_SPACE: LawSpace =
         LawSpace { place: Place::Joint, argument: Some(Argument::PastSpeed), sd: 0.2 };
+    const ADDS_TORQUE: bool = true;
+    const READS_PAST: bool = true;
     /// Torques of 0.9 to 2.1 N m change a gain that goes with the torque by 0.4 over half their range.
     const TORQUE_SCALING_SD: f64 = 0.4;
     const STATES: usize = 1;

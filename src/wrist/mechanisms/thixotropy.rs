@@ -41,6 +41,7 @@ impl Mechanism for Thixotropy {
         active one much less (assumed); at the ankle short range stiffness recovers exponentially over \
         rests of 1 to 32 s";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
+    const ALTERS_LINEAR_PART: bool = true;
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Rest];
 
     /// None: a protocol has one rest for all trials, so the mechanism would have no effect.

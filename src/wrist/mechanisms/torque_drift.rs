@@ -39,6 +39,7 @@ impl Mechanism for TorqueDrift {
     const PRIOR_SOURCE: &'static str =
         "Voluntary torque changes by up to some 0.1 N m in 40 ms, about the onset (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Time), sd: 0.1 };
+    const ADDS_TORQUE: bool = true;
     const BEFORE_ONSET_S: f64 = 0.02;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {

@@ -1,9 +1,9 @@
-//! The exact steps of the base model against Runge-Kutta steps that are far smaller, and the order of both.
+//! The exact steps against Runge-Kutta steps that are far smaller, and the order of both.
 
 use super::*;
 use crate::wrist::integrate::{HermiteSegment, Integrator};
 use crate::wrist::mechanisms::{DataRequirement, EvidenceSource, MechanismParameter, Prior, ProbeContext};
-use crate::wrist::{Mechanics, NoAddedDynamics, Plant, steps_per_sample};
+use crate::wrist::{Mechanics, NoAddedDynamics, Plant, steps_per_sample, trace};
 
 /// What priors may depend on.
 const SESSION: ProbeContext = ProbeContext { lever: Some(LEVER), highest_torque_nm: 5.0, window_s: 0.05 };
@@ -25,6 +25,17 @@ fn by_runge_kutta(
         torque_nm.push(torque);
     }
     torque_nm
+}
+
+/// The measured torque of a model with mechanisms by `substeps` Runge-Kutta steps a sample, N m.
+fn measured_by_runge_kutta(
+    settings: &SimulationSettings,
+    trial: &TrialInput,
+    parameters: &[f64],
+    substeps: usize,
+) -> Vec<f64> {
+    let instants = trace(&SimulationSettings { substeps, ..*settings }, trial, parameters);
+    instants.iter().map(|instant| instant.torques.measured).collect()
 }
 
 /// The unfiltered torque by `substeps` exact steps a sample, N m.
@@ -132,14 +143,17 @@ fn the_error_of_steps_with_a_mechanism_stays_below_a_fifth_of_a_millinewtonmetre
             let parameters: Vec<f64> = base.into_iter().chain(plausible(&mut stream, kind)).collect();
             let trial = ramp_sampled(1.0 + 3.0 * stream.uniform(), period_s);
             let kinds = [kind];
-            let with = |substeps| {
-                let own = settings(&kinds, &[], &[]);
-                let settings =
-                    SimulationSettings { lever, substeps, period_s, samples, lead_samples: 0, ..own };
-                run(&settings, &trial, &parameters).torque_nm
-            };
             let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
-            let error = largest_difference(&with(steps), &with(128));
+            let with = SimulationSettings {
+                lever,
+                substeps: steps,
+                period_s,
+                samples,
+                lead_samples: 0,
+                ..settings(&kinds, &[], &[])
+            };
+            let own = run(&with, &trial, &parameters).torque_nm;
+            let error = largest_difference(&own, &measured_by_runge_kutta(&with, &trial, &parameters, 128));
             // A slack has two corners, at which the torque's slope jumps.
             let allowed = if kind == MechanismKind::InterfaceSlack { 1e-3 } else { 2e-4 };
             assert!(
@@ -167,14 +181,17 @@ fn a_low_pass_of_any_cutoff_and_order_is_followed_at_every_rate_and_lever() {
         {
             let cutoff_hz = low * libm::pow(high / low, f64::from(number) / f64::from(CUTOFFS - 1));
             let parameters: Vec<f64> = PERSON.into_iter().chain([cutoff_hz, order]).collect();
-            let with = |substeps| {
-                let own = settings(&kinds, &[], &[]);
-                let settings =
-                    SimulationSettings { lever, substeps, period_s, samples, lead_samples: 0, ..own };
-                run(&settings, &trial, &parameters).torque_nm
-            };
             let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
-            let error = largest_difference(&with(steps), &with(256));
+            let with = SimulationSettings {
+                lever,
+                substeps: steps,
+                period_s,
+                samples,
+                lead_samples: 0,
+                ..settings(&kinds, &[], &[])
+            };
+            let own = run(&with, &trial, &parameters).torque_nm;
+            let error = largest_difference(&own, &measured_by_runge_kutta(&with, &trial, &parameters, 256));
             let what = format!("{cutoff_hz} Hz of order {order} at {rate_hz} Hz, {steps} steps");
             assert!(error < 1e-4, "{error:e} N m, {what}");
             // The second order of the same delay is faster by the square root of three.
