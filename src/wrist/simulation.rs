@@ -34,7 +34,7 @@ pub struct SimulationSettings<'a> {
     pub lead_samples: usize,
     /// Number of samples, the last at the onset, whose mean is subtracted from the prediction; 0 subtracts nothing.
     pub baseline_samples: usize,
-    /// Steps per sample, at least those of [`steps_per_sample`].
+    /// Steps per sample, at least those of [`steps_per_sample`](super::steps_per_sample).
     pub substeps: usize,
     /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
