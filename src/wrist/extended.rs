@@ -32,6 +32,20 @@ struct AddedTorques<T> {
     lever: T,
 }
 
+impl<T: Number> AddedTorques<T> {
+    /// The torque that they make on the joint.
+    #[inline(always)]
+    fn on_joint(&self) -> T {
+        self.interface - self.joint
+    }
+
+    /// The torque that they make on the handle.
+    #[inline(always)]
+    fn on_handle(&self) -> T {
+        self.lever - self.interface
+    }
+}
+
 /// What mechanisms add to a wrist that moves.
 #[derive(Clone)]
 struct Additions<T> {
@@ -202,9 +216,6 @@ impl<P: Plain, const LINEAR: usize, const ALL: usize> ExtendedWrist<'_, P, LINEA
                 }
                 self.add_torques(active, &guess, added, handle, end_s);
             }
-            let torques = &added.torques;
-            let on_joint = torques.interface - torques.joint;
-            let on_handle = torques.lever - torques.interface;
             if is_corrected {
                 wrist.loss = loss;
                 break;
@@ -215,7 +226,7 @@ impl<P: Plain, const LINEAR: usize, const ALL: usize> ExtendedWrist<'_, P, LINEA
                 force = wrist.loss.until(&loss);
             }
             if self.adds_torque {
-                let own = added.on_joint.until(on_joint);
+                let own = added.on_joint.until(added.torques.on_joint());
                 let mut power = 0;
                 while power < FORCE {
                     force[power] = force[power] + own[power];
@@ -224,7 +235,7 @@ impl<P: Plain, const LINEAR: usize, const ALL: usize> ExtendedWrist<'_, P, LINEA
             }
             self.propagator.push_joint(&mut guess, &force, 0, FORCE);
             if self.acts_on_handle {
-                self.propagator.push_handle(&mut guess, &added.on_handle.until(on_handle));
+                self.propagator.push_handle(&mut guess, &added.on_handle.until(added.torques.on_handle()));
             }
             let mut slot = 0;
             while slot < self.states {
@@ -235,10 +246,10 @@ impl<P: Plain, const LINEAR: usize, const ALL: usize> ExtendedWrist<'_, P, LINEA
             is_corrected = true;
         }
         if self.adds_torque {
-            added.on_joint.push(added.torques.interface - added.torques.joint);
+            added.on_joint.push(added.torques.on_joint());
         }
         if self.acts_on_handle {
-            added.on_handle.push(added.torques.lever - added.torques.interface);
+            added.on_handle.push(added.torques.on_handle());
         }
         let mut slot = 0;
         while slot < self.states {

@@ -1,6 +1,5 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
-use super::further_channel::FurtherValues;
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::MAX_ADDED_STATES;
 use super::plant::Plant;
@@ -137,25 +136,6 @@ impl<T: Number> Integrator<T> {
         period_s: f64,
         substeps: usize,
     ) -> T {
-        self.advance_observed(mechanics, added_dynamics, input, start_s, period_s, substeps, None)
-    }
-
-    /// As [`Integrator::advance`]; writes what the further channels show at the first sample into `further`, where that is asked for.
-    ///
-    /// # Panics
-    /// As [`Integrator::advance`].
-    #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
-    pub fn advance_observed<X: AddedDynamics<T>>(
-        &mut self,
-        mechanics: &Mechanics<T>,
-        added_dynamics: &X,
-        input: &HermiteSegment<T>,
-        start_s: f64,
-        period_s: f64,
-        substeps: usize,
-        mut further: Option<&mut FurtherValues<T>>,
-    ) -> T {
         let Self { state, sampled: [first, first_rates], begin, at, rates } = self;
         let step = period_s / substeps as f64;
         let count = added_dynamics.state_count();
@@ -184,9 +164,6 @@ impl<T: Number> Integrator<T> {
             );
             if evaluation == 0 {
                 measured = torques.measured;
-                if let Some(further) = further.as_deref_mut() {
-                    *further = further_values(mechanics, state.base, &rates.base, &torques, input);
-                }
                 first[..count].copy_from_slice(&state.added[..count]);
                 first_rates[..count].copy_from_slice(&rates.added[..count]);
             }
@@ -201,22 +178,6 @@ impl<T: Number> Integrator<T> {
         }
         measured
     }
-}
-
-/// What the further channels show at `state`. At a rigid lever the handle moves with the motor.
-#[inline(always)]
-fn further_values<T: Number>(
-    mechanics: &Mechanics<T>,
-    state: State<T>,
-    rates: &State<T>,
-    torques: &Torques<T>,
-    input: &HermiteSegment<T>,
-) -> FurtherValues<T> {
-    let (theta_l, alpha_l) = match mechanics.plant.lever {
-        Some(_) => (state.theta_l, rates.omega_l),
-        None => (input.at(0.0).theta, input.acceleration_at_start()),
-    };
-    FurtherValues { theta_l, alpha_l, torque_h: torques.interface, theta_j: state.theta_j }
 }
 
 impl<T: Number> ExtendedState<T> {

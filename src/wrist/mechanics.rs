@@ -14,14 +14,6 @@ pub struct Kinematics<T> {
     pub omega: T,
 }
 
-impl<T: Number> Kinematics<T> {
-    /// The same angle and speed without derivatives.
-    #[inline(always)]
-    pub fn plain(self) -> Kinematics<T::Plain> {
-        Kinematics { theta: self.theta.plain(), omega: self.omega.plain() }
-    }
-}
-
 impl<P: Plain> Kinematics<P> {
     /// The same angle and speed as constants of another number type.
     #[inline(always)]

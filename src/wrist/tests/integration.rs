@@ -27,15 +27,21 @@ fn by_runge_kutta(
     torque_nm
 }
 
-/// The measured torque of a model with mechanisms by `substeps` Runge-Kutta steps a sample, N m.
-fn measured_by_runge_kutta(
-    settings: &SimulationSettings,
+/// The largest error of a model with mechanisms by the steps that it asks for, N m, against `fine` Runge-Kutta steps a sample; and the steps.
+fn error_with_mechanisms(
+    lever: Option<Lever>,
+    kinds: &[MechanismKind],
     trial: &TrialInput,
     parameters: &[f64],
-    substeps: usize,
-) -> Vec<f64> {
-    let instants = trace(&SimulationSettings { substeps, ..*settings }, trial, parameters);
-    instants.iter().map(|instant| instant.torques.measured).collect()
+    (period_s, samples): (f64, usize),
+    fine: usize,
+) -> (f64, usize) {
+    let steps = steps_per_sample(lever, kinds, trial, parameters, period_s);
+    let of = settings(kinds, &[], &[]);
+    let own = SimulationSettings { lever, substeps: steps, period_s, samples, lead_samples: 0, ..of };
+    let reference = trace(&SimulationSettings { substeps: fine, ..own }, trial, parameters);
+    let reference: Vec<f64> = reference.iter().map(|instant| instant.torques.measured).collect();
+    (largest_difference(&run(&own, trial, parameters).torque_nm, &reference), steps)
 }
 
 /// The unfiltered torque by `substeps` exact steps a sample, N m.
@@ -143,17 +149,8 @@ fn the_error_of_steps_with_a_mechanism_stays_below_a_fifth_of_a_millinewtonmetre
             let parameters: Vec<f64> = base.into_iter().chain(plausible(&mut stream, kind)).collect();
             let trial = ramp_sampled(1.0 + 3.0 * stream.uniform(), period_s);
             let kinds = [kind];
-            let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
-            let with = SimulationSettings {
-                lever,
-                substeps: steps,
-                period_s,
-                samples,
-                lead_samples: 0,
-                ..settings(&kinds, &[], &[])
-            };
-            let own = run(&with, &trial, &parameters).torque_nm;
-            let error = largest_difference(&own, &measured_by_runge_kutta(&with, &trial, &parameters, 128));
+            let window = (period_s, samples);
+            let (error, steps) = error_with_mechanisms(lever, &kinds, &trial, &parameters, window, 128);
             // A slack has two corners, at which the torque's slope jumps.
             let allowed = if kind == MechanismKind::InterfaceSlack { 1e-3 } else { 2e-4 };
             assert!(
@@ -181,17 +178,8 @@ fn a_low_pass_of_any_cutoff_and_order_is_followed_at_every_rate_and_lever() {
         {
             let cutoff_hz = low * libm::pow(high / low, f64::from(number) / f64::from(CUTOFFS - 1));
             let parameters: Vec<f64> = PERSON.into_iter().chain([cutoff_hz, order]).collect();
-            let steps = steps_per_sample(lever, &kinds, &trial, &parameters, period_s);
-            let with = SimulationSettings {
-                lever,
-                substeps: steps,
-                period_s,
-                samples,
-                lead_samples: 0,
-                ..settings(&kinds, &[], &[])
-            };
-            let own = run(&with, &trial, &parameters).torque_nm;
-            let error = largest_difference(&own, &measured_by_runge_kutta(&with, &trial, &parameters, 256));
+            let window = (period_s, samples);
+            let (error, steps) = error_with_mechanisms(lever, &kinds, &trial, &parameters, window, 256);
             let what = format!("{cutoff_hz} Hz of order {order} at {rate_hz} Hz, {steps} steps");
             assert!(error < 1e-4, "{error:e} N m, {what}");
             // The second order of the same delay is faster by the square root of three.
