@@ -77,9 +77,16 @@ def fitted(loaded):
 
 @pytest.fixture(scope="session")
 def ramp():
-    """A motion: 40 ms of rest, then a ramp of 2 rad/s, at 2500 Hz."""
-    time = np.arange(260) / 2500.0 - 0.04
-    return ramphold.Motion(np.clip(2.0 * time, 0.0, 0.09), 2500.0, onset=100, lever=LEVER, velocity_rad_s=2.0, torque_nm=1.0)
+    return ramp_at(2500.0)
+
+
+def ramp_at(sample_rate_hz):
+    """A motion: 40 ms of rest, then a ramp of 2 rad/s for 64 ms."""
+    onset = round(0.04 * sample_rate_hz)
+    time = np.arange(onset + round(0.064 * sample_rate_hz)) / sample_rate_hz - 0.04
+    return ramphold.Motion(
+        np.clip(2.0 * time, 0.0, 0.09), sample_rate_hz, onset=onset, lever=LEVER, velocity_rad_s=2.0, torque_nm=1.0
+    )
 
 
 PARAMETERS = {
