@@ -131,6 +131,7 @@ impl NativeMotion {
             theta_0_rad: 0.0,
             torque_0_nm: given.torque_nm,
             angle_rad: theta.to_vec(),
+            load_nm: vec![0.0; theta.len()],
             input: TrialInput { motion: motor_motion(theta, period_s), onset: given.onset, covariates },
             measured_nm: vec![0.0; samples],
             cubed_nm3: vec![0.0; samples],

@@ -14,8 +14,9 @@ const LEAST_VAF: f64 = 0.5;
 /// two, but a unit is.
 const SPEED_FACTOR: f64 = 2.0;
 
-/// Largest variance of the torque error from the recorded angle, beside that of the torque's noise. Of sound sessions on encoders of 13 and
-/// 14 bits, 3 of 5 below it and 1 of 10 above it were adequate (decision 29).
+/// Largest variance of the torque error from averaged angles, beside that of the torque's noise. Of sound sessions on encoders of 13 and
+/// 14 bits, 3 of 5 below it and 1 of 10 above it were adequate (decision 29). Where motions are known between the steps, what is a trial's own
+/// is far below it.
 pub const UNTRUSTED_ANGLE_ERROR: f64 = 8.0;
 
 /// Why no cause can be looked for in the misfit of `fit`; `None` if the model describes the session.

@@ -6,7 +6,7 @@ use super::across_trials::covariate_regression::with_effect_in_parameters;
 use super::across_trials::elastic_limit_law::{ElasticLimitLaw, elastic_limit_law};
 use super::across_trials::exchangeability::remaining_correlation;
 use super::applicability::missing;
-use super::base_model::not_described;
+use super::base_model::{UNTRUSTED_ANGLE_ERROR, not_described};
 use super::cause::{Cause, CauseEvidence};
 use super::evidence::answer::{
     CauseProbabilities, NAMED_PROBABILITY, most_probable_model, most_probable_of_likely_causes,
@@ -27,7 +27,7 @@ use super::within_trial::score_test::{UndetectableMechanism, probe_context};
 use super::within_trial::tested_fit::TestedFit;
 use crate::fit::{Fit, Model, Observations, Weighting, X_E, coarse_angle};
 use crate::random::Stream;
-use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
+use crate::wrist::mechanisms::{EvidenceSource, MechanismClass, MechanismKind};
 
 /// Verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -142,6 +142,10 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         (false, true) => most_probable,
         (false, false) => most_probable_of_likely_causes(models, &probabilities),
     };
+    if let Some(reason) = not_told(look, &models[best]) {
+        remarks.push(format!("no cause is named: {reason}"));
+        return Diagnosis::without_causes(before, remarks);
+    }
     let free = (!nothing && !explains).then(|| FoundLaw::of(&search, &probabilities)).flatten();
     let (extended, tested) = match single {
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
@@ -227,6 +231,22 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         after: extended,
         remarks,
     }
+}
+
+/// Why the causes of `model` are not named; `None` if they can be. What is wrong in the rig shows as the errors of the angle do, all the more
+/// where these are large.
+fn not_told(look: &DiagnosisInput, model: &ComparedModel) -> Option<String> {
+    let coarse = look.coarse_encoder.filter(|own| own.ratio > UNTRUSTED_ANGLE_ERROR)?;
+    let is_of_rig = |kind: &&MechanismKind| {
+        matches!(kind.class(), MechanismClass::Rig | MechanismClass::Sensor) && model.fits(**kind)
+    };
+    let kind = model.causes.iter().find(is_of_rig)?;
+    Some(format!(
+        "{} is the most probable one, but behind steps of {:.2} mrad a cause in the rig or its sensors is not told from another; measure with \
+         a finer encoder, or calibrate the rig",
+        kind.id(),
+        1e3 * coarse.step_rad
+    ))
 }
 
 /// The models that are compared, each with its evidence.

@@ -1,7 +1,6 @@
 //! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike or, behind a coarse encoder, what its steps say
 //! of it, mains hum removed.
 
-use super::base_model::UNTRUSTED_ANGLE_ERROR;
 use super::evidence::rig_knowledge::RigKnowledge;
 use super::mains_hum::{DetectedHum, detect_hum, remove_hum};
 use crate::dataset::Session;
@@ -22,7 +21,7 @@ pub struct DiagnosisInput {
     pub usable_trials: usize,
     /// What is known of the rig.
     pub rig: RigKnowledge,
-    /// That the steps of the encoder are coarse, and the motions are those between them; not where they are so coarse that no cause is looked for.
+    /// That the steps of the encoder are coarse, and the motions are those between them; `None`, too, where these cannot be computed.
     pub coarse_encoder: Option<CoarseEncoder>,
 }
 
@@ -116,7 +115,7 @@ fn prepare(
         true => observations.subset(&some(observations)),
         false => observations.clone(),
     };
-    if let Some(ratio) = coarse_ratio(&observations, model).filter(|ratio| *ratio <= UNTRUSTED_ANGLE_ERROR) {
+    if let Some(ratio) = coarse_ratio(&observations, model) {
         let mut in_steps = analysed(&as_recorded);
         if in_steps.take_motions_in_steps() {
             let coarse_encoder = Some(CoarseEncoder { ratio, step_rad: in_steps.angle_step_rad });

@@ -25,7 +25,7 @@ NEAR_TWINS = (
 )
 TOLD_APART = frozenset(MECHANISMS) - frozenset().union(*NEAR_TWINS)
 
-# No cause is looked for behind so coarse an encoder: docs/explanation/decisions/29-coarse-encoders.md.
+# No cause of the rig is named behind so coarse an encoder: docs/explanation/decisions/49-answers-to-the-load.md.
 TOO_COARSE = {"coarse"}
 
 # Two mechanisms of the catalogue together come within 3.5 standard deviations of it: to say so would not be wrong.

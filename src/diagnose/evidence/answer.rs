@@ -175,10 +175,6 @@ fn smallest_set(sorted: &[(MechanismKind, f64)]) -> Vec<(MechanismKind, f64)> {
 /// integrated out. Measured on development sessions (docs/explanation/diagnosis.md).
 const EVIDENCE_SD: f64 = 2.0;
 
-/// The same as a part of what the cause gains: the motion is sampled and smoothed, and a filter is not quite as stated, so that what a
-/// mechanism does is computed to a hundredth of it.
-const EVIDENCE_RELATIVE_SD: f64 = 0.01;
-
 /// Number of draws of these errors.
 const EVIDENCE_DRAWS: usize = 2000;
 
@@ -190,7 +186,7 @@ fn weights(models: &[ComparedModel]) -> Vec<f64> {
     let alone = |kind: MechanismKind| {
         models.iter().filter(|own| own.causes == [kind]).map(|own| own.log_odds).fold(0.0, f64::max)
     };
-    let error_sd = |gain: f64| libm::hypot(EVIDENCE_SD, EVIDENCE_RELATIVE_SD * gain.max(0.0));
+    let error_sd = |own: &ComparedModel, gain: f64| libm::hypot(EVIDENCE_SD, own.gain_error * gain.max(0.0));
     let errors_of = |own: &ComparedModel| -> Vec<(usize, f64)> {
         let mut causes = own.causes.clone();
         causes.sort_by(|a, b| alone(*b).total_cmp(&alone(*a)));
@@ -200,7 +196,7 @@ fn weights(models: &[ComparedModel]) -> Vec<f64> {
             // The first cause has what it gains alone, the last what is left.
             let gain = if place + 1 == causes.len() { own.log_odds - explained } else { alone(*kind) };
             explained += gain;
-            errors.push((kinds.binary_search(kind).unwrap_or(0), error_sd(gain)));
+            errors.push((kinds.binary_search(kind).unwrap_or(0), error_sd(own, gain)));
         }
         errors
     };

@@ -13,12 +13,16 @@ use crate::wrist::{Kinematics, Smoothing};
 pub(super) struct AlikeTrials {
     /// Their places among the observations.
     pub trials: Vec<usize>,
+    /// The condition of each.
+    pub conditions: Vec<usize>,
     /// Sample of the onset in `angles`.
     pub onset: usize,
     /// Their angles, aligned at the onset, rad.
     pub angles: Vec<Vec<f64>>,
+    /// The recorded loads of their motors at the same samples, N m.
+    pub loads: Vec<Vec<f64>>,
     /// Mean of the angles.
-    mean: Vec<f64>,
+    pub mean: Vec<f64>,
 }
 
 impl AlikeTrials {
@@ -26,13 +30,15 @@ impl AlikeTrials {
         let own = || trials.iter().map(|trial| &observations.trials[*trial]);
         let onset = own().map(|trial| trial.input.onset).min().unwrap_or(0);
         let after = own().map(|trial| trial.angle_rad.len() - trial.input.onset).min().unwrap_or(0);
-        let aligned = |trial: &TrialObservation| {
-            trial.angle_rad[trial.input.onset - onset..trial.input.onset + after].to_vec()
+        let aligned = |trial: &TrialObservation, signal: &[f64]| {
+            signal[trial.input.onset - onset..trial.input.onset + after].to_vec()
         };
-        let angles: Vec<Vec<f64>> = own().map(aligned).collect();
+        let angles: Vec<Vec<f64>> = own().map(|trial| aligned(trial, &trial.angle_rad)).collect();
+        let loads = own().map(|trial| aligned(trial, &trial.load_nm)).collect();
+        let conditions = own().map(|trial| trial.condition).collect();
         let mean_at = |sample: usize| angles.iter().map(|own| own[sample]).sum::<f64>() / angles.len() as f64;
         let mean = (0..onset + after).map(mean_at).collect();
-        Self { trials, onset, angles, mean }
+        Self { trials, conditions, onset, angles, loads, mean }
     }
 
     /// What each angle has beside the mean.
@@ -105,7 +111,8 @@ impl Observations {
     fn average(&mut self, groups: &[AlikeTrials], mean: Smoothing, difference: Smoothing) {
         for group in groups {
             let common = mean.motion(&group.mean, self.period_s);
-            for ((trial, angle), own) in group.trials.iter().zip(&group.angles).zip(group.differences()) {
+            let records = group.angles.iter().zip(&group.loads);
+            for ((trial, (angle, load)), own) in group.trials.iter().zip(records).zip(group.differences()) {
                 let own = difference.motion(&own, self.period_s);
                 let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
                     theta: a.theta + b.theta,
@@ -116,6 +123,7 @@ impl Observations {
                 averaged.input.motion = motion;
                 averaged.input.onset = group.onset;
                 averaged.angle_rad.clone_from(angle);
+                averaged.load_nm.clone_from(load);
                 self.take_friction(&mut averaged);
                 self.trials[*trial] = averaged;
             }

@@ -121,6 +121,8 @@ pub struct TrialObservation {
     pub torque_0_nm: f64,
     /// Recorded angle less `theta_0_rad`, times `direction`, rad; as long as the motion in `input`.
     pub angle_rad: Vec<f64>,
+    /// Recorded torque less `torque_0_nm`, unfiltered, times `direction`, N m, at the samples of `angle_rad`: the load of the motor.
+    pub load_nm: Vec<f64>,
     /// Motor motion and covariates that drive the model.
     pub input: wrist::TrialInput,
     /// What is not known of the motion, where it is that between the steps of an encoder.
@@ -200,6 +202,7 @@ impl Observations {
             trial.input.covariates.torque_before_nm = trial.direction * trial.torque_0_nm;
             trial.theta_0_rad *= by_angle;
             trial.angle_rad.iter_mut().for_each(|angle| *angle *= by_angle);
+            trial.load_nm.iter_mut().for_each(|load| *load *= by_torque);
             for knot in &mut trial.input.motion {
                 *knot = Kinematics { theta: knot.theta * by_angle, omega: knot.omega * by_angle };
             }

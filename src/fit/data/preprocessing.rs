@@ -197,6 +197,7 @@ impl Observations {
         let last = (onset + self.samples + margin).min(count - 1);
         let angle_rad: Vec<f64> =
             theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
+        let load_nm = true_nm[first..=last].iter().map(|nm| direction * (nm - torque_0_nm)).collect();
         if angle_rad.iter().all(|x| x.abs() < 1e-9) {
             return Err("the motor angle does not change in the window".into());
         }
@@ -215,6 +216,7 @@ impl Observations {
             torque_0_nm,
             input: wrist::TrialInput { motion, onset: onset - first, covariates: Covariates::default() },
             angle_rad,
+            load_nm,
             cubed_nm3: cubed[onset..onset + self.samples]
                 .iter()
                 .map(|own| direction * (own - cubed_0_nm3))

@@ -32,6 +32,14 @@ const NEGLIGIBLE_LOG_ODDS: f64 = 14.0;
 /// twenty-fifth of what it explains.
 const DEVIATION_REACH: f64 = 0.5;
 
+/// Standard deviation of the error of what a cause gains, as a part of it: the motion is sampled and smoothed, and a filter is not quite as
+/// stated, so that what a mechanism does is computed to a hundredth of it.
+const GAIN_ERROR: f64 = 0.01;
+
+/// The same where the motions are known between the steps of a coarse encoder: of delays and low-passes in development sessions the true one
+/// gains up to a twentieth less than the other (decision 49).
+const GAIN_ERROR_IN_STEPS: f64 = 0.05;
+
 /// A model with its posterior.
 #[derive(Debug, Clone)]
 pub struct ComparedModel {
@@ -39,6 +47,8 @@ pub struct ComparedModel {
     pub causes: Vec<MechanismKind>,
     /// Logarithm of evidence and prior odds, against no cause.
     pub log_odds: f64,
+    /// Standard deviation of the error of what a cause gains, as a part of it.
+    pub gain_error: f64,
     /// The posterior.
     pub posterior: ModelPosterior,
     /// The trials that do not belong, if that is a cause.
@@ -64,6 +74,7 @@ pub struct ModelSearch<'a> {
     /// The models, none of the causes first.
     pub models: Vec<ComparedModel>,
     none_evidence: f64,
+    gain_error: f64,
 }
 
 impl<'a> ModelSearch<'a> {
@@ -82,9 +93,17 @@ impl<'a> ModelSearch<'a> {
         tracing::debug!(none_evidence, noise = none.spreads.noise, "no cause");
         let mut all = applicable.to_vec();
         all.extend(prior.ranges.kinds());
-        let models =
-            vec![ComparedModel { causes: Vec::new(), log_odds: 0.0, posterior: none, outliers: Vec::new() }];
-        Some(Self { observations, prior, model_prior: ModelPrior::new(&all), before, models, none_evidence })
+        let in_steps = observations.trials.iter().any(|trial| trial.motion_errors.is_some());
+        let gain_error = if in_steps { GAIN_ERROR_IN_STEPS } else { GAIN_ERROR };
+        let models = vec![ComparedModel {
+            causes: Vec::new(),
+            log_odds: 0.0,
+            gain_error,
+            posterior: none,
+            outliers: Vec::new(),
+        }];
+        let model_prior = ModelPrior::new(&all);
+        Some(Self { observations, prior, model_prior, before, models, none_evidence, gain_error })
     }
 
     fn add(&mut self, causes: Vec<MechanismKind>, posterior: ModelPosterior, outliers: Vec<usize>) {
@@ -97,7 +116,8 @@ impl<'a> ModelSearch<'a> {
             steps = posterior.steps,
             decrease = posterior.quadratic.decrease
         );
-        self.models.push(ComparedModel { causes, log_odds, posterior, outliers });
+        let gain_error = self.gain_error;
+        self.models.push(ComparedModel { causes, log_odds, gain_error, posterior, outliers });
     }
 
     /// Logarithm of the odds, before the session, of a model whose `causes` its trials are fitted with, each by one of its laws.
@@ -131,6 +151,7 @@ impl<'a> ModelSearch<'a> {
             ComparedModel {
                 log_odds: model.log_odds + self.prior.rig.log_odds(&kinds) + prior,
                 causes: kept.chain(kinds.iter().copied()).collect(),
+                gain_error: model.gain_error,
                 posterior: model.posterior.clone(),
                 outliers: model.outliers.clone(),
             }

@@ -7,6 +7,7 @@
 //! records that are treated as if they were leave errors which look like a low-pass or a delay.
 
 mod expectation_propagation;
+mod load_response;
 mod motion_prior;
 mod truncated_normal;
 
@@ -14,7 +15,8 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use self::motion_prior::{KnownMotions, RecordsInSteps, most_probable};
+use self::load_response::LoadResponse;
+use self::motion_prior::{AnswersToLoad, KnownMotions, RecordsInSteps, most_probable};
 use super::input_averaging::AlikeTrials;
 use super::motion_errors::MotionErrors;
 use super::observations::Observations;
@@ -29,16 +31,17 @@ impl Observations {
     /// cannot be computed, and nothing is changed.
     pub fn take_motions_in_steps(&mut self) -> bool {
         let groups = self.alike_trials();
-        let records = groups.iter().map(|group| {
+        let by_load = self.answers_to_load(&groups);
+        let records = groups.iter().zip(&by_load).map(|(group, by_load)| {
             let speed_rad_s = self.trials[group.trials[0]].velocity_rad_s.abs();
-            RecordsInSteps::new((&group.angles, group.onset), self.angle_step_rad, self.period_s, speed_rad_s)
+            RecordsInSteps::new(group, by_load, self.angle_step_rad, self.period_s, speed_rad_s)
         });
         let records: Option<Vec<RecordsInSteps>> = records.collect();
         let Some(known) = records.and_then(|records| most_probable(&records)) else { return false };
         let by_level = std::mem::take(&mut self.noise_index);
         let mut noises: Vec<Option<(usize, usize)>> = vec![None; by_level.len()];
-        for (velocity, (group, known)) in groups.iter().zip(&known).enumerate() {
-            self.take_known(group, known);
+        for (velocity, ((group, by_load), known)) in groups.iter().zip(&by_load).zip(&known).enumerate() {
+            self.take_known(group, by_load, known);
             group
                 .trials
                 .iter()
@@ -54,22 +57,51 @@ impl Observations {
         true
     }
 
-    /// Gives the trials of a velocity the motions that are known of them.
-    fn take_known(&mut self, group: &AlikeTrials, known: &KnownMotions) {
-        let (step, period_s) = (self.angle_step_rad, self.period_s);
-        let rest = vec![0.0; group.onset - RecordsInSteps::BEFORE_ONSET];
-        let motion = |observations: &Self, steps: &DVector<f64>| -> Vec<Kinematics<f64>> {
-            let angle: Vec<f64> = rest.iter().chain(steps.iter()).map(|own| own * step).collect();
-            observations.as_torque_sees(through(&angle, period_s))
+    fn answers_to_load(&self, groups: &[AlikeTrials]) -> Vec<AnswersToLoad> {
+        let response = LoadResponse::of(groups, self.period_s);
+        let of_group = |group: &AlikeTrials| {
+            let places: Vec<usize> = self.window_noise_samples().map(|sample| group.onset + sample).collect();
+            let unsteadiness = self.unsteadiness(&group.trials, places.len());
+            AnswersToLoad {
+                motions: response.motions(group),
+                errors: response.errors(&unsteadiness, &places, group.mean.len()),
+            }
         };
+        groups.iter().map(of_group).collect()
+    }
+
+    /// Covariance of the torque in the hold at `count` noise samples, mean over `trials`, (N m)^2.
+    fn unsteadiness(&self, trials: &[usize], count: usize) -> DMatrix<f64> {
+        let levels = trials.iter().filter_map(|trial| self.noise_index[*trial]);
+        let sum = levels.fold(DMatrix::zeros(count, count), |sum, level| {
+            sum + self.noise_covariances[level].covariance.view((0, 0), (count, count))
+        });
+        sum / trials.len() as f64
+    }
+
+    /// Gives the trials of a velocity the motions that are known of them, together with their answers to the load.
+    fn take_known(&mut self, group: &AlikeTrials, by_load: &AnswersToLoad, known: &KnownMotions) {
+        let (step, period_s) = (self.angle_step_rad, self.period_s);
+        let first = group.onset - RecordsInSteps::BEFORE_ONSET;
+        let angle = |steps: &DVector<f64>| -> Vec<f64> {
+            std::iter::repeat_n(0.0, first).chain(steps.iter().map(|own| own * step)).collect()
+        };
+        let along = |observations: &Self, angle: &[f64]| -> Vec<Kinematics<f64>> {
+            observations.as_torque_sees(through(angle, period_s))
+        };
+        let motion = |observations: &Self, steps: &DVector<f64>| along(observations, &angle(steps));
         let own: Vec<_> = directions(&known.own).iter().map(|steps| motion(self, steps)).collect();
         let own = Arc::new(own);
         let shared = directions(&known.mean_covariance);
-        for (place, (trial, angle)) in group.trials.iter().zip(&group.angles).enumerate() {
+        for (place, (trial, record)) in group.trials.iter().zip(&group.angles).enumerate() {
             let mut known_trial = self.trials[*trial].clone();
-            known_trial.input.motion = motion(self, &known.motions[place]);
+            let mut whole = angle(&known.motions[place]);
+            let answer = &by_load.motions[place][first..];
+            whole[first..].iter_mut().zip(answer).for_each(|(angle, own)| *angle += own - answer[0]);
+            known_trial.input.motion = along(self, &whole);
             known_trial.input.onset = group.onset;
-            known_trial.angle_rad.clone_from(angle);
+            known_trial.angle_rad.clone_from(record);
+            known_trial.load_nm.clone_from(&group.loads[place]);
             self.take_friction(&mut known_trial);
             let shared = shared.iter().map(|error| motion(self, &(&known.of_mean[place] * error))).collect();
             known_trial.motion_errors = Some(Arc::new(MotionErrors { shared, own: own.clone() }));

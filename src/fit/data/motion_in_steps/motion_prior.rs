@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::expectation_propagation::{Covariances, MotionsWithin};
+use crate::fit::data::input_averaging::AlikeTrials;
 
 /// Standard deviation of the place of rest within its step, in steps: anywhere in it, and beyond if that fits better.
 const REST_SD: f64 = 1.0;
@@ -32,12 +33,22 @@ const RANGE: [(f64, f64); 2] = [(-3.0, 1.5), (-6.0, 1.5)];
 /// Most samples of a record: the work grows with their third power, to some ten seconds here.
 const MOST_SAMPLES: usize = 160;
 
+/// How far the loads of trials that move alike turn their motors, beside the mean of all.
+pub struct AnswersToLoad {
+    /// Of each trial, rad.
+    pub motions: Vec<Vec<f64>>,
+    /// Covariance of the errors of each, rad^2.
+    pub errors: DMatrix<f64>,
+}
+
 /// Records of trials that move alike, in steps from the record at rest.
 pub struct RecordsInSteps {
     /// The recorded angle of each trial.
     records: Vec<DVector<f64>>,
     /// Third difference of a usual rise to the speed of these trials, in steps.
     usual_difference: f64,
+    /// Covariance of the errors of the answers to the load, in steps.
+    load_errors: DMatrix<f64>,
 }
 
 /// What is known of motions: each trial's in steps from where it rests.
@@ -57,22 +68,27 @@ impl RecordsInSteps {
     /// move.
     pub const BEFORE_ONSET: usize = 3;
 
-    /// Records `angles` in steps of `step_rad`, `period_s` apart, with the onset at sample `onset` and a ramp of `speed_rad_s`; `None` if they
-    /// do not begin early enough, or are too long.
+    /// Records of `group` in steps of `step_rad`, `period_s` apart, in ramps of `speed_rad_s`, without the answers to the load; `None` if they do
+    /// not begin early enough, or are too long.
     pub fn new(
-        (angles, onset): (&[Vec<f64>], usize),
+        group: &AlikeTrials,
+        by_load: &AnswersToLoad,
         step_rad: f64,
         period_s: f64,
         speed_rad_s: f64,
     ) -> Option<Self> {
-        let first = onset.checked_sub(Self::BEFORE_ONSET)?;
-        let own = |angle: &Vec<f64>| {
-            DVector::from_iterator(angle.len() - first, angle[first..].iter().map(|own| own / step_rad))
+        let first = group.onset.checked_sub(Self::BEFORE_ONSET)?;
+        let own = |(record, answer): (&Vec<f64>, &Vec<f64>)| {
+            let steps =
+                record[first..].iter().zip(&answer[first..]).map(|(own, answer)| (own - answer) / step_rad);
+            DVector::from_iterator(record.len() - first, steps)
         };
-        let records: Vec<DVector<f64>> = angles.iter().map(own).collect();
+        let records: Vec<DVector<f64>> = group.angles.iter().zip(&by_load.motions).map(own).collect();
+        let count = records[0].len();
+        let load_errors = by_load.errors.view((first, first), (count, count)) / (step_rad * step_rad);
         let usual_difference =
             speed_rad_s * period_s * period_s * period_s / (USUAL_RISE_S * USUAL_RISE_S * step_rad);
-        (records[0].len() <= MOST_SAMPLES).then_some(Self { records, usual_difference })
+        (count <= MOST_SAMPLES).then_some(Self { records, usual_difference, load_errors })
     }
 
     fn within(&self, exponents: Exponents) -> Option<MotionsWithin> {
@@ -82,7 +98,8 @@ impl RecordsInSteps {
         let own = &own * own.transpose();
         let jitter = DMatrix::identity(count, count) * (JITTER_SD * JITTER_SD);
         let rest = DMatrix::from_element(count, count, REST_SD * REST_SD);
-        MotionsWithin::new(&Covariances { mean_factor, own: own + rest + jitter }, &self.records)
+        let own = own + rest + jitter + &self.load_errors;
+        MotionsWithin::new(&Covariances { mean_factor, own }, &self.records)
     }
 }
 

@@ -2,8 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::motion_prior::{KnownMotions, RecordsInSteps, most_probable};
+use super::load_response::LoadResponse;
+use super::motion_prior::{AnswersToLoad, KnownMotions, RecordsInSteps, most_probable};
+use crate::fit::data::input_averaging::AlikeTrials;
 use crate::random::Stream;
+use crate::signal::{Section, filter};
 use crate::wrist::through;
 
 const PERIOD_S: f64 = 0.001;
@@ -26,6 +29,7 @@ fn angle(sample: usize, speed_rad_s: f64, lag: f64) -> f64 {
 struct Ramps {
     truth: Vec<Vec<f64>>,
     recorded: Vec<Vec<f64>>,
+    loads: Vec<Vec<f64>>,
 }
 
 /// Nine trials that rest at other places within a step and are held back by other loads.
@@ -38,15 +42,57 @@ fn ramps(seed: u64, speed_rad_s: f64) -> Ramps {
             (0..SAMPLES).map(|sample| rest + angle(sample, speed_rad_s, lag)).collect()
         })
         .collect();
-    let recorded = truth
-        .iter()
-        .map(|own| own.iter().map(|angle| STEP_RAD * libm::round(angle / STEP_RAD)).collect())
-        .collect();
-    Ramps { truth, recorded }
+    let loads = vec![vec![0.0; SAMPLES]; TRIALS];
+    Ramps { recorded: in_steps(&truth), truth, loads }
 }
 
-fn known(ramps: &Ramps, speed_rad_s: f64) -> KnownMotions {
-    let records = RecordsInSteps::new((&ramps.recorded, ONSET), STEP_RAD, PERIOD_S, speed_rad_s);
+fn in_steps(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let recorded =
+        |own: &Vec<f64>| own.iter().map(|angle| STEP_RAD * libm::round(angle / STEP_RAD)).collect();
+    truth.iter().map(recorded).collect()
+}
+
+/// Noise of the torque, N m.
+const NOISE_NM: f64 = 0.01;
+
+/// Trials of three torques, each a little stiffer than the next, whose servo of 90 Hz gives way by 1 mrad for each N m.
+fn loaded_ramps(seed: u64, speed_rad_s: f64) -> Ramps {
+    let mut stream = Stream::new(seed, "load in steps");
+    let servo = [Section::first_order_low_pass(90.0, PERIOD_S)];
+    let (mut truth, mut loads) = (Vec::new(), Vec::new());
+    for trial in 0..TRIALS {
+        let stiffness = (10.0 + 4.0 * (trial % 3) as f64) * (1.0 + 0.03 * stream.normal());
+        let load: Vec<f64> = (0..SAMPLES).map(|sample| stiffness * angle(sample, speed_rad_s, 0.0)).collect();
+        let rest = STEP_RAD * stream.uniform();
+        let gives_way = filter(&servo, &load);
+        truth.push(
+            (0..SAMPLES)
+                .map(|sample| rest + angle(sample, speed_rad_s, 0.0) - 1e-3 * gives_way[sample])
+                .collect(),
+        );
+        loads.push(load.iter().map(|nm| nm + NOISE_NM * stream.normal()).collect());
+    }
+    Ramps { recorded: in_steps(&truth), truth, loads }
+}
+
+fn group(ramps: &Ramps) -> AlikeTrials {
+    let mean_at = |sample: usize| ramps.recorded.iter().map(|own| own[sample]).sum::<f64>() / TRIALS as f64;
+    AlikeTrials {
+        trials: (0..TRIALS).collect(),
+        conditions: (0..TRIALS).map(|trial| trial % 3).collect(),
+        onset: ONSET,
+        angles: ramps.recorded.clone(),
+        loads: ramps.loads.clone(),
+        mean: (0..SAMPLES).map(mean_at).collect(),
+    }
+}
+
+fn without_answers() -> AnswersToLoad {
+    AnswersToLoad { motions: vec![vec![0.0; SAMPLES]; TRIALS], errors: DMatrix::zeros(SAMPLES, SAMPLES) }
+}
+
+fn known(ramps: &Ramps, by_load: &AnswersToLoad, speed_rad_s: f64) -> KnownMotions {
+    let records = RecordsInSteps::new(&group(ramps), by_load, STEP_RAD, PERIOD_S, speed_rad_s);
     most_probable(&[records.unwrap()]).unwrap().pop().unwrap()
 }
 
@@ -65,7 +111,7 @@ fn root_mean_square<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
 fn a_motion_between_steps_is_nearer_the_true_one_than_its_record_is() {
     for (seed, speed_rad_s) in [(1, 1.3), (2, 2.0), (3, 2.7)] {
         let ramps = ramps(seed, speed_rad_s);
-        let known = known(&ramps, speed_rad_s);
+        let known = known(&ramps, &without_answers(), speed_rad_s);
         let (mut of_known, mut of_record) = (Vec::new(), Vec::new());
         for (trial, truth) in ramps.truth.iter().enumerate() {
             of_known.extend((&known.motions[trial] - from_rest(truth)).iter().copied());
@@ -90,7 +136,7 @@ fn motions_between_steps_are_as_wrong_as_their_covariances_say() {
     for seed in 11..23 {
         let speed_rad_s = 1.2 + 0.17 * (seed - 11) as f64;
         let ramps = ramps(seed, speed_rad_s);
-        let known = known(&ramps, speed_rad_s);
+        let known = known(&ramps, &without_answers(), speed_rad_s);
         let errors: Vec<DVector<f64>> =
             (0..TRIALS).map(|trial| &known.motions[trial] - from_rest(&ramps.truth[trial])).collect();
         let mean = errors.iter().fold(DVector::zeros(errors[0].len()), |sum, own| sum + own) / TRIALS as f64;
@@ -105,6 +151,54 @@ fn motions_between_steps_are_as_wrong_as_their_covariances_say() {
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     assert!((0.2..1.3).contains(&mean), "mean {mean}: {squares:?}");
     assert!(squares.iter().all(|own| *own < 4.0), "{squares:?}");
+}
+
+/// What each motion has wrong beside the mean of all, in steps.
+fn own_errors(ramps: &Ramps, by_load: &AnswersToLoad, known: &KnownMotions) -> Vec<DVector<f64>> {
+    let first = ONSET - RecordsInSteps::BEFORE_ONSET;
+    let error = |trial: usize| {
+        let answer = &by_load.motions[trial][first..];
+        let answer =
+            DVector::from_iterator(answer.len(), answer.iter().map(|own| (own - answer[0]) / STEP_RAD));
+        &known.motions[trial] + answer - from_rest(&ramps.truth[trial])
+    };
+    let errors: Vec<DVector<f64>> = (0..TRIALS).map(error).collect();
+    let mean = errors.iter().fold(DVector::zeros(errors[0].len()), |sum, own| sum + own) / TRIALS as f64;
+    errors.into_iter().map(|own| own - &mean).collect()
+}
+
+#[test]
+fn what_its_load_does_to_a_motor_is_known_far_better_than_a_step() {
+    let speeds = [1.3, 2.0, 2.7];
+    let ramps = [31, 32, 33].map(|seed| loaded_ramps(seed, speeds[seed as usize - 31]));
+    let groups = ramps.each_ref().map(group);
+    let response = LoadResponse::of(&groups, PERIOD_S);
+    let places: Vec<usize> = (ONSET..SAMPLES).collect();
+    let unsteadiness = DMatrix::identity(places.len(), places.len()) * (NOISE_NM * NOISE_NM);
+    for ((ramps, group), speed_rad_s) in ramps.iter().zip(&groups).zip(speeds) {
+        let by_load = AnswersToLoad {
+            motions: response.motions(group),
+            errors: response.errors(&unsteadiness, &places, SAMPLES),
+        };
+        let errors_with = |by_load: &AnswersToLoad| {
+            let known = known(ramps, by_load, speed_rad_s);
+            (own_errors(ramps, by_load, &known), known)
+        };
+        let size = |errors: &[DVector<f64>]| root_mean_square(errors.iter().flatten());
+        let (errors, known) = errors_with(&by_load);
+        let without = size(&errors_with(&without_answers()).0);
+        let with = size(&errors);
+        assert!(with < 0.03 && with < 0.6 * without, "{speed_rad_s} rad/s: {with} {without}");
+        let squares = errors.iter().map(|own| square_per_value(own, &known.own)).sum::<f64>() / TRIALS as f64;
+        assert!(squares < 2.0, "{speed_rad_s} rad/s: {squares}");
+    }
+}
+
+#[test]
+fn loads_that_do_not_differ_turn_no_motor() {
+    let ramps = ramps(41, 2.0);
+    let response = LoadResponse::of(&[group(&ramps)], PERIOD_S);
+    assert!(response.motions(&group(&ramps)).iter().flatten().all(|angle| *angle == 0.0));
 }
 
 #[test]
