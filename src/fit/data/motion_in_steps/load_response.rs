@@ -25,19 +25,21 @@ const SMALLEST_SINGULAR_VALUE: f64 = 1e-9;
 const SMOOTHING: Smoothing = Smoothing { half_s: 0.008, twice: true };
 
 /// A signal of each trial of a velocity, on the same samples.
-type Signals = Vec<Vec<f64>>;
+type TrialSignals = Vec<Vec<f64>>;
 
 /// How the motor answers its load.
 pub struct LoadResponse {
     period_s: f64,
     /// Of each low-pass, rad/(N m).
     compliances: [f64; CUTOFFS_HZ.len()],
+    /// Their covariance from the rounding of the records.
+    covariance: DMatrix<f64>,
 }
 
 impl LoadResponse {
-    /// As the trials of all `groups` show it; no answer where their loads do not differ.
-    pub fn of(groups: &[AlikeTrials], period_s: f64) -> Self {
-        let loads: Vec<Signals> = groups.iter().map(|group| loads(group, period_s)).collect();
+    /// As the trials of all `groups` show it in records with steps of `step_rad`; no answer where their loads do not differ.
+    pub fn of(groups: &[AlikeTrials], step_rad: f64, period_s: f64) -> Self {
+        let loads: Vec<TrialSignals> = groups.iter().map(|group| loads(group, period_s)).collect();
         let column = |which: &usize| {
             let pass = |load: &Vec<f64>| passed(*which, load, period_s);
             without_levels(loads.iter().map(|own| own.iter().map(pass).collect()))
@@ -47,22 +49,24 @@ impl LoadResponse {
         let records = without_levels(groups.iter().map(|group| beside_the_mean(group.angles.clone())));
         let squares = (design.transpose() * &design).svd(true, true);
         let smallest = SMALLEST_SINGULAR_VALUE * squares.singular_values.max();
+        let inverse = squares.pseudo_inverse(smallest);
+        let inverse = inverse.unwrap_or_else(|_| DMatrix::zeros(CUTOFFS_HZ.len(), CUTOFFS_HZ.len()));
         let mut compliances = [0.0; CUTOFFS_HZ.len()];
-        if let Ok(found) = squares.solve(&(design.transpose() * records), smallest) {
-            compliances.copy_from_slice(found.as_slice());
-        }
+        compliances.copy_from_slice((&inverse * design.transpose() * records).as_slice());
         tracing::debug!(?compliances, "answer of the motor to its load, rad/(N m)");
-        Self { period_s, compliances }
+        Self { period_s, compliances, covariance: inverse * (step_rad * step_rad / 12.0) }
     }
 
     /// How far its load turns the motor of each trial of a group, beside their mean, rad.
-    pub fn motions(&self, group: &AlikeTrials) -> Signals {
+    pub fn motions(&self, group: &AlikeTrials) -> TrialSignals {
         loads(group, self.period_s).iter().map(|load| self.answer(load)).collect()
     }
 
-    /// Covariance of the errors of a motion of `count` samples, rad^2, if the torque has the covariance `unsteadiness`, (N m)^2, at the samples
-    /// `places` without being a load, and stays as it is after the last of them. Of a mean over repetitions it is less.
-    pub fn errors(&self, unsteadiness: &DMatrix<f64>, places: &[usize], count: usize) -> DMatrix<f64> {
+    /// Covariance of the errors of the motions of `group`, mean over the trials, rad^2: from the rounding of the records, and if the torque has
+    /// the covariance `unsteadiness`, (N m)^2, at the samples `places` without being a load, and stays as it is after the last of them. Of a
+    /// mean over repetitions it is less.
+    pub fn errors(&self, group: &AlikeTrials, unsteadiness: &DMatrix<f64>, places: &[usize]) -> DMatrix<f64> {
+        let count = group.mean.len();
         let column = |which: usize| {
             let held = places[which]..places.get(which + 1).copied().unwrap_or(count);
             let load: Vec<f64> = (0..count).map(|sample| f64::from(held.contains(&sample))).collect();
@@ -70,7 +74,15 @@ impl LoadResponse {
         };
         let columns: Vec<DVector<f64>> = (0..places.len()).map(column).collect();
         let answers = DMatrix::from_columns(&columns);
-        &answers * unsteadiness * answers.transpose()
+        let of_hold = &answers * unsteadiness * answers.transpose();
+        let of_rounding = |load: &Vec<f64>| {
+            let part = |which| DVector::from_vec(passed(which, load, self.period_s));
+            let parts = DMatrix::from_columns(&(0..CUTOFFS_HZ.len()).map(part).collect::<Vec<_>>());
+            &parts * &self.covariance * parts.transpose()
+        };
+        let loads = loads(group, self.period_s);
+        let trials = loads.len() as f64;
+        loads.iter().map(of_rounding).fold(of_hold, |sum, own| sum + own / trials)
     }
 
     fn answer(&self, load: &[f64]) -> Vec<f64> {
@@ -88,7 +100,7 @@ fn passed(which: usize, load: &[f64], period_s: f64) -> Vec<f64> {
 }
 
 /// The load of each trial beside their mean, N m.
-fn loads(group: &AlikeTrials, period_s: f64) -> Signals {
+fn loads(group: &AlikeTrials, period_s: f64) -> TrialSignals {
     let of_conditions = beside_the_mean(means_of_conditions(group));
     let load = |(recorded, of_condition): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> {
         let stiffness = own_stiffness(group, recorded, of_condition);
@@ -103,7 +115,7 @@ fn smoothed(load: &[f64], period_s: f64) -> Vec<f64> {
 }
 
 /// For each trial, the mean load over the trials of its condition.
-fn means_of_conditions(group: &AlikeTrials) -> Signals {
+fn means_of_conditions(group: &AlikeTrials) -> TrialSignals {
     let mean = |condition: &usize| -> Vec<f64> {
         let alike: Vec<&Vec<f64>> = group
             .conditions
@@ -125,7 +137,7 @@ fn own_stiffness(group: &AlikeTrials, recorded: &[f64], of_condition: &[f64]) ->
     product / ramp().map(|(_, angle)| angle * angle).sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
-fn beside_the_mean(mut signals: Signals) -> Signals {
+fn beside_the_mean(mut signals: TrialSignals) -> TrialSignals {
     let count = signals.len() as f64;
     for sample in 0..signals[0].len() {
         let mean = signals.iter().map(|signal| signal[sample]).sum::<f64>() / count;
@@ -135,7 +147,7 @@ fn beside_the_mean(mut signals: Signals) -> Signals {
 }
 
 /// The signals of all trials below each other, each less its mean over time: where a record rests within a step is no answer to a load.
-fn without_levels(velocities: impl Iterator<Item = Signals>) -> DVector<f64> {
+fn without_levels(velocities: impl Iterator<Item = TrialSignals>) -> DVector<f64> {
     let mut all: Vec<f64> = Vec::new();
     for signal in velocities.flatten() {
         let level = signal.iter().sum::<f64>() / signal.len() as f64;

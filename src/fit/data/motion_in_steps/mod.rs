@@ -58,13 +58,13 @@ impl Observations {
     }
 
     fn answers_to_load(&self, groups: &[AlikeTrials]) -> Vec<AnswersToLoad> {
-        let response = LoadResponse::of(groups, self.period_s);
+        let response = LoadResponse::of(groups, self.angle_step_rad, self.period_s);
         let of_group = |group: &AlikeTrials| {
             let places: Vec<usize> = self.window_noise_samples().map(|sample| group.onset + sample).collect();
             let unsteadiness = self.unsteadiness(&group.trials, places.len());
             AnswersToLoad {
                 motions: response.motions(group),
-                errors: response.errors(&unsteadiness, &places, group.mean.len()),
+                errors: response.errors(group, &unsteadiness, &places),
             }
         };
         groups.iter().map(of_group).collect()

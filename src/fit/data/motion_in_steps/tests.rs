@@ -153,42 +153,33 @@ fn motions_between_steps_are_as_wrong_as_their_covariances_say() {
     assert!(squares.iter().all(|own| *own < 4.0), "{squares:?}");
 }
 
-/// What each motion has wrong beside the mean of all, in steps.
-fn own_errors(ramps: &Ramps, by_load: &AnswersToLoad, known: &KnownMotions) -> Vec<DVector<f64>> {
-    let first = ONSET - RecordsInSteps::BEFORE_ONSET;
-    let error = |trial: usize| {
-        let answer = &by_load.motions[trial][first..];
-        let answer =
-            DVector::from_iterator(answer.len(), answer.iter().map(|own| (own - answer[0]) / STEP_RAD));
-        &known.motions[trial] + answer - from_rest(&ramps.truth[trial])
-    };
-    let errors: Vec<DVector<f64>> = (0..TRIALS).map(error).collect();
-    let mean = errors.iter().fold(DVector::zeros(errors[0].len()), |sum, own| sum + own) / TRIALS as f64;
-    errors.into_iter().map(|own| own - &mean).collect()
+/// What each of `motions` has beside the mean of all.
+fn beside_the_mean(motions: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
+    let mean = motions.iter().fold(DVector::zeros(motions[0].len()), |sum, own| sum + own) / TRIALS as f64;
+    motions.into_iter().map(|own| own - &mean).collect()
 }
 
 #[test]
-fn what_its_load_does_to_a_motor_is_known_far_better_than_a_step() {
+fn what_the_load_does_to_a_motor_is_as_wrong_as_its_covariance_says() {
     let speeds = [1.3, 2.0, 2.7];
     let ramps = [31, 32, 33].map(|seed| loaded_ramps(seed, speeds[seed as usize - 31]));
     let groups = ramps.each_ref().map(group);
-    let response = LoadResponse::of(&groups, PERIOD_S);
+    let response = LoadResponse::of(&groups, STEP_RAD, PERIOD_S);
     let places: Vec<usize> = (ONSET..SAMPLES).collect();
     let unsteadiness = DMatrix::identity(places.len(), places.len()) * (NOISE_NM * NOISE_NM);
     for ((ramps, group), speed_rad_s) in ramps.iter().zip(&groups).zip(speeds) {
         let by_load = AnswersToLoad {
             motions: response.motions(group),
-            errors: response.errors(&unsteadiness, &places, SAMPLES),
+            errors: response.errors(group, &unsteadiness, &places),
         };
-        let errors_with = |by_load: &AnswersToLoad| {
-            let known = known(ramps, by_load, speed_rad_s);
-            (own_errors(ramps, by_load, &known), known)
-        };
-        let size = |errors: &[DVector<f64>]| root_mean_square(errors.iter().flatten());
-        let (errors, known) = errors_with(&by_load);
-        let without = size(&errors_with(&without_answers()).0);
-        let with = size(&errors);
-        assert!(with < 0.03 && with < 0.6 * without, "{speed_rad_s} rad/s: {with} {without}");
+        let truth: Vec<DVector<f64>> = ramps.truth.iter().map(|own| from_rest(own)).collect();
+        let answers: Vec<DVector<f64>> = by_load.motions.iter().map(|own| from_rest(own)).collect();
+        let known = known(ramps, &by_load, speed_rad_s);
+        let errors = (0..TRIALS).map(|trial| &known.motions[trial] + &answers[trial] - &truth[trial]);
+        let errors = beside_the_mean(errors.collect());
+        let size = |signals: &[DVector<f64>]| root_mean_square(signals.iter().flatten());
+        let part = size(&errors) / size(&beside_the_mean(truth));
+        assert!(part < 0.3, "{speed_rad_s} rad/s: {part} of what is a trial's own");
         let squares = errors.iter().map(|own| square_per_value(own, &known.own)).sum::<f64>() / TRIALS as f64;
         assert!(squares < 2.0, "{speed_rad_s} rad/s: {squares}");
     }
@@ -197,7 +188,7 @@ fn what_its_load_does_to_a_motor_is_known_far_better_than_a_step() {
 #[test]
 fn loads_that_do_not_differ_turn_no_motor() {
     let ramps = ramps(41, 2.0);
-    let response = LoadResponse::of(&[group(&ramps)], PERIOD_S);
+    let response = LoadResponse::of(&[group(&ramps)], STEP_RAD, PERIOD_S);
     assert!(response.motions(&group(&ramps)).iter().flatten().all(|angle| *angle == 0.0));
 }
 
