@@ -1,7 +1,7 @@
 //! Motions behind an encoder whose steps are coarse: the recorded angle says between which two angles the motor was, and no more.
 //!
-//! The trials of one velocity move alike but for what the load of each does to the servo. Both, the mean motion and what is a trial's own,
-//! are random functions from rest on, whose third difference is white noise. Given that each sample lies within half a step of its record,
+//! The trials of one velocity move alike but for what the load of each does to the servo, which is fitted first ([`load_response`]). Both, the
+//! mean motion and what is then left of a trial's own, are random functions from rest on, whose third difference is white noise. Given that each sample lies within half a step of its record,
 //! their distribution is computed by expectation propagation ([`expectation_propagation`]). Its mean takes the place of the recorded motion,
 //! and its covariance that of the errors: rounding errors are no white noise (at a constant speed they are a few spectral lines), and
 //! records that are treated as if they were leave errors which look like a low-pass or a delay.

@@ -55,7 +55,7 @@ fn in_steps(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
 /// Noise of the torque, N m.
 const NOISE_NM: f64 = 0.01;
 
-/// Trials of three torques, each a little stiffer than the next, whose servo of 90 Hz gives way by 1 mrad for each N m.
+/// Trials of three torques, each a little stiffer or softer than its condition, whose servo of 90 Hz gives way by 1 mrad for each N m.
 fn loaded_ramps(seed: u64, speed_rad_s: f64) -> Ramps {
     let mut stream = Stream::new(seed, "load in steps");
     let servo = [Section::first_order_low_pass(90.0, PERIOD_S)];
