@@ -39,7 +39,7 @@ const MAX_MECHANISMS: usize = 3;
 
 impl Verb for DesignArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
-        let sets = if self.between.is_empty() { self.left_open()? } else { vec![self.asked_for()?] };
+        let sets = if self.between.is_empty() { self.left_open(console)? } else { vec![self.asked_for()?] };
         if let Some(out) = &self.out {
             check_out("--out", out)?;
         }
@@ -109,8 +109,14 @@ impl DesignArgs {
     }
 
     /// Each cause of the diagnosis that can be confused with others, with those others.
-    fn left_open(&self) -> Result<Vec<Vec<MechanismKind>>, Failure> {
+    fn left_open(&self, console: &Console) -> Result<Vec<Vec<MechanismKind>>, Failure> {
         let diagnosis = read_diagnosis(&self.session)?;
+        if diagnosis["verdict"] == "unexplained" {
+            console.message(format_args!(
+                "the diagnosis is unexplained: the cause may be none of these, and then no protocol names it; each probability holds \
+                 if it is one of them"
+            ));
+        }
         let open = named_causes(&diagnosis).filter(|(_, ids)| ids.len() > 1);
         let sets: Vec<Vec<MechanismKind>> = open
             .map(|(_, ids)| ids.into_iter().take(MAX_MECHANISMS).map(kind).collect())

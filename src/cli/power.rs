@@ -17,7 +17,7 @@ use crate::study::power::{
     LimitConclusion, LimitCounts, ParameterShift, PoolMeans, PowerEstimate, ResamplingPlan, SoughtEffect,
     TrueElasticLimit, limit_conclusions, power,
 };
-use crate::study::{Study, StudyError};
+use crate::study::{Study, StudyError, repetitions_in_words};
 
 use super::verb::Verb;
 
@@ -266,10 +266,11 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
                 found.subjects, found.found
             );
         }
+        let repetitions = repetitions_in_words(*repetitions);
         for found in own.iter().filter(|found| found.untested > 0) {
             let _ = writeln!(
                 text,
-                "{repetitions} repetitions, {} {subjects}: {} of {} studies could not be tested and do not count",
+                "{repetitions}, {} {subjects}: {} of {} studies could not be tested and do not count",
                 found.subjects, found.untested, found.studies
             );
         }
@@ -284,14 +285,13 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
             }
             (None, None) => String::new(),
         };
-        let _ = writeln!(text, "{repetitions} repetitions: power 0.8 takes {needed}");
+        let _ = writeln!(text, "{repetitions}: power 0.8 takes {needed}");
         let point = |found: &&PowerEstimate| {
             let (share, low, high) = found.power();
             (f64::from(found.subjects), share, low, high)
         };
-        let label = format!("{repetitions} repetitions");
         let tested = own.iter().filter(|found| found.untested < found.studies);
-        curves.push(PowerCurve { label, points: tested.map(point).collect() });
+        curves.push(PowerCurve { label: repetitions, points: tested.map(point).collect() });
     }
     let caption = format!(
         "Shares of {} studies drawn from {} virtual {subjects}, with 95 % intervals. Grey line: power 0.8.",

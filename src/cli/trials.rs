@@ -64,15 +64,16 @@ impl TrialsArgs {
             .map(|trial| (*trial, Status::Rejected))
             .chain(self.accept.iter().map(|trial| (*trial, Status::Ok)));
         for (trial, status) in judged {
-            if before.trials.iter().all(|own| own.number != trial) {
+            let Some(own) = before.trials.iter().find(|own| own.number == trial) else {
                 return Err(Failure::Usage(format!(
                     "{}: has no trial {trial}; its trials are {}",
                     self.session.join("trials.csv").display(),
                     numbers(&before.trials)
                 )));
-            }
+            };
             amendments.amendments.push(Amendment {
                 trial,
+                record_sha256: dataset::record_sha256(&self.session, own)?,
                 status,
                 because: self.because.clone().unwrap_or_default(),
                 by: self.by.clone().unwrap_or_else(operator_name),

@@ -12,7 +12,10 @@ type Mistake = (f64, &'static str);
 /// Mistakes that make a ramp look too fast or too slow.
 const OF_SPEED: [Mistake; 9] = [
     (57.2958, "Is theta_m_rad in degrees?"),
-    (1.0 / 57.2958, "Is velocity_rad_s in degrees a second?"),
+    (
+        1.0 / 57.2958,
+        "Is velocity_rad_s in degrees a second, or was an angle in rad converted as if it were in degrees?",
+    ),
     (0.001, "Is t_s in milliseconds, or velocity_rad_s in mrad/s?"),
     (0.0572958, "Is theta_m_rad in degrees and t_s in milliseconds?"),
     (1000.0, "Is theta_m_rad in milliradians?"),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::Trial;
 use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
@@ -25,6 +26,9 @@ const AMENDMENTS_FORMAT: &str = "ramphold-amendments/1";
 pub struct Amendment {
     /// Number of the trial.
     pub trial: u32,
+    /// SHA-256 of the record that was judged, in hexadecimal digits. `None` for a trial without a record, and of files that do not name it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record_sha256: Option<String>,
     /// The status from now on.
     pub status: Status,
     /// Why.
@@ -83,4 +87,21 @@ impl Amendments {
         let write = || disk.write(&Folder::open(folder)?, AMENDMENTS, &pretty(self));
         write().map_err(RecordError::at(&folder.join(AMENDMENTS)))
     }
+}
+
+/// SHA-256 of the record of a trial of the session in `folder`, in hexadecimal digits; `None` if the trial has no record there.
+///
+/// # Errors
+/// If the record cannot be read.
+pub fn record_sha256(folder: &Path, trial: &Trial) -> Result<Option<String>, DatasetError> {
+    record_sum(&SessionFolder::open(folder)?, trial)
+}
+
+pub(super) fn record_sum(folder: &SessionFolder, trial: &Trial) -> Result<Option<String>, DatasetError> {
+    let file = trial.file.as_str();
+    if file.is_empty() || !folder.folder().contains(file) {
+        return Ok(None);
+    }
+    let (_, sum) = folder.folder().sum(file).map_err(|error| folder.unreadable(file, error))?;
+    Ok(Some(sum))
 }

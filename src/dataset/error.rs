@@ -181,6 +181,19 @@ pub enum DatasetError {
         /// What should be.
         expected: String,
     },
+    /// A judgement on another record than the one that is there.
+    #[error(
+        "{at}: the judgement on trial {trial} is of another record than {record}: the file is of another session, or the record was \
+         changed since; put back what belongs together, or delete amendments.json and judge again with: ramphold trials"
+    )]
+    OtherRecord {
+        /// The judgement.
+        at: FilePlace,
+        /// The trial.
+        trial: u32,
+        /// Its record.
+        record: String,
+    },
     /// Time stands still or runs backwards.
     #[error("{at}: time goes from {before_s} s to {after_s} s; expected a step forward of {step_s} s")]
     StepBack {

@@ -6,7 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::amendments::{AMENDMENTS, Amendments};
+use super::amendments::{AMENDMENTS, Amendments, record_sum};
 use super::channel_ranges::ParsedChannels;
 use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::{check_format, parse_json};
@@ -84,7 +84,9 @@ pub(super) fn check_further_channels(
 /// Gives each trial the status of the last judgement on it.
 fn amend(folder: &SessionFolder, rows: &mut [Row], amendments: &Amendments) -> Result<(), DatasetError> {
     for (index, amendment) in amendments.amendments.iter().enumerate() {
-        let at = || FilePlace::field(folder.name(AMENDMENTS), &format!("amendments[{index}].trial"));
+        let place =
+            |field| FilePlace::field(folder.name(AMENDMENTS), &format!("amendments[{index}].{field}"));
+        let at = || place("trial");
         let row = rows.iter_mut().find(|row| row.trial.number == amendment.trial);
         let Some(row) = row else {
             let expected = "the number of a trial in trials.csv".to_owned();
@@ -93,6 +95,15 @@ fn amend(folder: &SessionFolder, rows: &mut [Row], amendments: &Amendments) -> R
         if amendment.status == Status::Ok && row.trial.file.is_empty() {
             let expected = "a trial with a record; this one has no file in trials.csv".to_owned();
             return Err(DatasetError::Value { at: at(), found: amendment.trial.to_string(), expected });
+        }
+        if let Some(judged) = &amendment.record_sha256
+            && record_sum(folder, &row.trial)?.is_some_and(|sum| sum != *judged)
+        {
+            return Err(DatasetError::OtherRecord {
+                at: place("record_sha256"),
+                trial: amendment.trial,
+                record: folder.name(&row.trial.file),
+            });
         }
         row.trial.status = amendment.status;
         let reason = format!("{} ({})", amendment.because, amendment.by);

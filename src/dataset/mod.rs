@@ -53,7 +53,7 @@ use std::collections::BTreeMap;
 
 pub use crate::session::Status;
 pub use crate::wrist::FurtherChannel;
-pub use amendments::{AMENDMENTS, Amendment, Amendments};
+pub use amendments::{AMENDMENTS, Amendment, Amendments, record_sha256};
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist, stamps_from_clock};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use calibrated_range::LARGEST_NONLINEARITY;

@@ -86,7 +86,7 @@ pub trait Rig: Sized {
     ///
     /// # Errors
     /// The rig, still disarmed, and why.
-    fn arm(self, word: ArmingConsent, limits: &Limits) -> Result<Self::Armed, (Self, Fault)>;
+    fn arm(self, consent: ArmingConsent, limits: &Limits) -> Result<Self::Armed, (Self, Fault)>;
 
     /// Whether it could not be confirmed, when the rig was disarmed, that the motor has no power.
     fn power_may_be_on(&self) -> bool {

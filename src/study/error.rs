@@ -213,6 +213,17 @@ pub enum StudyIssue {
         /// Where the second appearance is.
         place: String,
     },
+    /// An identifier that is probably a slip of another.
+    #[error(
+        "{subject}: differs from the subject {other} in nothing but case or separators; its sessions are in study.csv and in no other \
+         table. Give all sessions of one subject the same subject.id, and two subjects names that differ in a letter or a digit"
+    )]
+    SimilarSubject {
+        /// The later identifier.
+        subject: String,
+        /// The earlier identifier.
+        other: String,
+    },
     /// Fewer than two subjects have all conditions.
     #[error("{subjects} subjects have all conditions; statistics need at least 2. Only means are computed")]
     TooFewSubjects {

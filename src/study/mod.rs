@@ -27,7 +27,7 @@ pub use part::{PARTS_FOLDER, PartContents, StudyPart};
 pub use plan::{Study, Unit, UnitSource};
 pub use population::{Population, SubjectSpread, SurfaceSpread, subject_id};
 pub use result_tables::{RESULTS_FILE, RESULTS_FORMAT, ResultTable, ResultTables, effect_name};
-pub use simulated_pool::{PoolFit, PooledSubject, simulate_pool};
+pub use simulated_pool::{PoolFit, PooledSubject, repetitions_in_words, simulate_pool};
 pub use study_file::{
     MeasuredSessions, STUDY_FORMAT, StudyFile, StudyFit, Subjects, VirtualSubjects, schema_text,
 };

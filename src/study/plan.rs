@@ -266,10 +266,15 @@ fn measured_units(
     let mut units: Vec<MeasuredSession> = Vec::new();
     let mut reference: Option<(String, ValidProtocol)> = None;
     let mut records: BTreeMap<[u8; 32], String> = BTreeMap::new();
+    let mut spellings: BTreeMap<String, String> = BTreeMap::new();
     for (subject, folders) in subjects {
+        let other = spellings.insert(without_case_and_separators(&subject), subject.clone());
+        let is_similar = other.is_some();
+        issues.extend(other.map(|other| StudyIssue::SimilarSubject { subject: subject.clone(), other }));
         for (folder, session) in folders.into_iter().zip(1..) {
-            let mut excluded = session > 1 && !measured.repeated;
-            if excluded {
+            let is_second = session > 1 && !measured.repeated;
+            let mut excluded = is_second || is_similar;
+            if is_second {
                 let place = folder.display().to_string();
                 issues.push(StudyIssue::DuplicateSubject { subject: subject.clone(), place });
             }
@@ -296,6 +301,11 @@ fn measured_units(
         }
     }
     Ok((units, issues))
+}
+
+/// An identifier without what is easily mistyped: `s 01 ` is `S_01`.
+fn without_case_and_separators(subject: &str) -> String {
+    subject.trim().to_lowercase().replace([' ', '_'], "-")
 }
 
 /// SHA-256 of the record of a session whose name comes first; `None` if there is none that can be read, which loading it will report.

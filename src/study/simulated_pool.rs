@@ -54,15 +54,16 @@ impl PoolFit {
     /// What must be said of a study that asks for the fit `asked`; `None` if all its values are of that fit.
     pub fn remark(&self, asked: StudyFit) -> Option<String> {
         let Self { repetitions, fit, left_out, of } = *self;
+        let repetitions = repetitions_in_words(repetitions);
         if fit != asked {
             return Some(format!(
-                "{repetitions} repetitions: no session has a model of its own, so that all values are those of each trial alone, which are \
+                "{repetitions}: no session has a model of its own, so that all values are those of each trial alone, which are \
                  biased differently at each velocity"
             ));
         }
         (left_out > 0).then(|| {
             format!(
-                "{repetitions} repetitions: {left_out} of {of} sessions have no model of their own and are left out, as a study leaves \
+                "{repetitions}: {left_out} of {of} sessions have no model of their own and are left out, as a study leaves \
                  them out of its tables"
             )
         })
@@ -132,6 +133,11 @@ pub fn simulate_pool(
     fitted.into_iter().collect()
 }
 
+/// A number of repetitions in words.
+pub fn repetitions_in_words(repetitions: u32) -> String {
+    format!("{repetitions} {}", if repetitions == 1 { "repetition" } else { "repetitions" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,7 +156,7 @@ mod tests {
         assert_eq!(many, PoolFit { repetitions: 5, fit: Session, left_out: 1, of: 3 });
         assert!(pool[1].all(0, &many).is_none() && pool[1].all(0, &few).is_some());
         assert!(pool[0].all(0, &many).is_some());
-        assert!(few.remark(Session).unwrap().contains("1 repetitions: no session has a model of its own"));
+        assert!(few.remark(Session).unwrap().contains("1 repetition: no session has a model of its own"));
         assert!(many.remark(Session).unwrap().contains("5 repetitions: 1 of 3 sessions"));
         assert_eq!(few.remark(Independent), None);
     }

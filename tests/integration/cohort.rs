@@ -248,6 +248,19 @@ fn a_session_under_two_names_counts_once() {
 }
 
 #[test]
+fn a_subject_whose_name_was_spelt_in_two_ways_does_not_count_as_two() {
+    let workspace = measured();
+    workspace.succeed(&["run", "quick.json", "--subject", "s02", "--seed", "5", "--out", "measured/S04"]);
+    workspace.refuse(
+        1,
+        &["cohort", "study.json", "--seed", "1", "--out", "out"],
+        &["s02: differs from the subject S02 in nothing but case or separators", "same subject.id"],
+    );
+    let means = fs::read_to_string(workspace.path("out/means.csv")).unwrap();
+    assert!(means.contains("k_srs_nm_per_rad,1.3,0.9,3,"), "{means}");
+}
+
+#[test]
 fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_table() {
     let workspace = measured();
     let longer = include_str!("../../protocols/quick.json")

@@ -60,6 +60,17 @@ fn a_judgement_on_no_trial_or_without_a_reason_is_refused() {
 }
 
 #[test]
+fn judgements_of_another_session_are_refused() {
+    let (judged, other) = (sound(), Workspace::new());
+    judged.call(0, &["trials", "session", "--reject", "1", "--because", "sneezed"]);
+    other.call(0, &["run", QUICK, "--seed", "1", "--out", "s"]);
+    fs::copy(judged.path("session/amendments.json"), other.path("s/amendments.json")).unwrap();
+    let (_, told) = other.call(2, &["fit", "s"]);
+    assert!(told.contains("amendments.json, field amendments[0].record_sha256"), "{told}");
+    assert!(told.contains("trials/") && told.contains("of another session"), "{told}");
+}
+
+#[test]
 fn verify_lists_judgements_and_does_not_call_them_changes() {
     let workspace = Workspace::new();
     workspace.call(0, &["run", QUICK, "--seed", "1", "--out", "s"]);

@@ -247,11 +247,11 @@ impl Cycle {
     /// may be no further than the handle may be from its target.
     fn check_missed(&self, target_rad: f64) -> Result<(), CanFault> {
         let step_rad = (target_rad - self.answered_rad).abs();
-        if self.unanswered.is_none() || step_rad <= self.limits.following_error_rad {
-            return Ok(());
-        }
         let limit_rad = self.limits.following_error_rad;
-        Err(CanFault::MissedInMotion { id: self.unanswered.unwrap_or(0), step_rad, limit_rad })
+        match self.unanswered {
+            Some(id) if step_rad > limit_rad => Err(CanFault::MissedInMotion { id, step_rad, limit_rad }),
+            _ => Ok(()),
+        }
     }
 
     /// A wake-up that is late by a period or more has missed a SYNC. The points of the grid that were missed are counted,

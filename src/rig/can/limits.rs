@@ -25,13 +25,20 @@ pub struct HandleLimits {
     pub following_error_ms: u16,
 }
 
-/// Proof that a drive read back every limit as it was written. Only a drive's own `prepare` makes one.
+/// Proof that the limits hold: a drive read back every one as it was written, or has none and the rig file says so. Only a drive's own
+/// `prepare` makes one.
 #[derive(Debug)]
 pub struct LimitsConfirmed(());
 
 impl LimitsConfirmed {
     /// To be called where every limit was just read back, and nowhere else.
     pub(super) fn by_reading_back() -> Self {
+        Self(())
+    }
+
+    /// To be called of a motor that has no limits, and of which the rig file says so (`has_no_limits_of_its_own`), after its reach was
+    /// checked: the program alone holds them.
+    pub(super) fn held_by_program() -> Self {
         Self(())
     }
 }

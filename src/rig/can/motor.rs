@@ -111,7 +111,7 @@ impl CanMotor {
     pub fn summary(&self) -> Summary {
         let Connection { file, link, drive, .. } = &self.connection;
         let privileges = self.privileges.as_ref();
-        Summary::new(file, &self.stats, link.counters(), privileges, drive.proved(), &self.faults)
+        Summary::new(file, &self.stats, link, privileges, drive.proved(), &self.faults)
     }
 
     fn vitals(&self) -> Vitals {
@@ -375,11 +375,8 @@ impl ArmedCanMotor {
         let Some(CanMotor { connection: Connection { link, drive, .. }, .. }) = &mut self.motor else {
             return true;
         };
-        // The power itself is taken off, and made sure of, by `disarm`, which always follows.
+        // So that the fault can say whether the power is off; `disarm` asks once more.
         let outcome = safe_state::power_off(link, drive.as_mut());
-        if outcome.is_err() {
-            link.set_own_heartbeat(None);
-        }
         let met = outcome.unwrap_or_else(Some);
         self.motor.iter_mut().for_each(|motor| met.into_iter().for_each(|fault| motor.record_fault(fault)));
         outcome.is_ok()

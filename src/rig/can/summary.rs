@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::canopen::Counters;
+use super::canopen::{Counters, Link};
 use super::cycle_stats::CycleStats;
 use super::fault::CanFault;
 use super::file::ValidRigFile;
@@ -42,6 +42,8 @@ pub struct Summary {
     pub response: DurationSummary,
     /// Frames and errors.
     pub frames: Counters,
+    /// What the adapter or the operating system said when the bus was gone; `null` if it never was.
+    pub adapter_error: Option<String>,
     /// The motor that small motions have proved with a free handle, for `proved_with_free_handle` of the rig file.
     pub proved: Option<String>,
     /// Every fault, in order, in words.
@@ -79,7 +81,7 @@ impl Summary {
     pub(super) fn new(
         file: &ValidRigFile,
         stats: &CycleStats,
-        frames: &Counters,
+        link: &Link,
         realtime: Option<&Privileges>,
         proved: Option<&str>,
         faults: &[CanFault],
@@ -98,7 +100,8 @@ impl Summary {
             bus_load: stats.load(f64::from(file.bit_rate.bits_per_s())),
             lateness: (&stats.lateness).into(),
             response: (&stats.response).into(),
-            frames: *frames,
+            frames: *link.counters(),
+            adapter_error: link.adapter_error().map(ToString::to_string),
             proved: proved.map(str::to_owned),
             faults: faults.iter().map(ToString::to_string).collect(),
         }
@@ -137,6 +140,9 @@ impl fmt::Display for Summary {
             frames.bus_errors,
             frames.emergencies
         )?;
+        if let Some(error) = &self.adapter_error {
+            write!(formatter, "\n  the bus was gone: {error}")?;
+        }
         if let Some(proved) = &self.proved {
             write!(
                 formatter,

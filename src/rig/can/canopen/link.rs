@@ -1,5 +1,6 @@
 //! The master's link to the bus: sends its heartbeat, monitors those of the nodes, and sorts what arrives.
 
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -110,6 +111,8 @@ pub struct Link {
     /// The latest emergency, for messages.
     last_emergency: Option<(u8, u16)>,
     counters: Counters,
+    /// Why the bus was gone when it was first.
+    adapter_error: Option<io::Error>,
     time_stretch: f64,
     /// When it was last asked for what came.
     listened: Instant,
@@ -139,6 +142,7 @@ impl Link {
             sensor_errors: 0,
             last_emergency: None,
             counters: Counters::default(),
+            adapter_error: None,
             time_stretch: 1.0,
             listened: now,
             arrival: Arrival::at(now),
@@ -264,12 +268,17 @@ impl Link {
         self.last_emergency
     }
 
+    /// What the adapter or the operating system said when the bus was gone; `None` if it never was.
+    pub fn adapter_error(&self) -> Option<&io::Error> {
+        self.adapter_error.as_ref()
+    }
+
     /// Sends a frame.
     ///
     /// # Errors
     /// [`CanopenError::BusGone`]
     pub fn send(&mut self, frame: &Frame) -> Result<(), CanopenError> {
-        self.bus.send(frame).map_err(|_| CanopenError::BusGone)?;
+        self.bus.send(frame).map_err(|error| gone(&mut self.adapter_error, error))?;
         self.counters.sent += 1;
         Ok(())
     }
@@ -303,7 +312,7 @@ impl Link {
             if self.is_interruptible {
                 next = next.min(now + LONGEST_WAIT_UNHEARD);
             }
-            match self.bus.receive(next).map_err(|_| CanopenError::BusGone)? {
+            match self.bus.receive(next).map_err(|error| gone(&mut self.adapter_error, error))? {
                 Some(received) => {
                     if let Some(frame) = self.sort(received)? {
                         return Ok(Some(frame));
@@ -319,7 +328,7 @@ impl Link {
     pub fn drain(&mut self) -> Result<(), CanopenError> {
         let end = self.now() + Duration::from_millis(100);
         while self.now() < end {
-            match self.bus.receive(self.clock.now()).map_err(|_| CanopenError::BusGone)? {
+            match self.bus.receive(self.clock.now()).map_err(|error| gone(&mut self.adapter_error, error))? {
                 Some(received) => drop(self.sort(received)?),
                 None => break,
             }
@@ -516,6 +525,12 @@ impl Link {
     }
 }
 
+/// Keeps why the bus was gone when it was first.
+fn gone(kept: &mut Option<io::Error>, error: io::Error) -> CanopenError {
+    kept.get_or_insert(error);
+    CanopenError::BusGone
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -534,6 +549,29 @@ mod tests {
         fn receive(&mut self, _: Instant) -> std::io::Result<Option<Received>> {
             Ok(Some(self.0))
         }
+    }
+
+    /// A bus whose adapter cannot be used.
+    #[derive(Debug)]
+    struct Broken;
+
+    impl CanBus for Broken {
+        fn send(&mut self, _: &Frame) -> io::Result<()> {
+            Err(io::Error::other("the adapter takes no bytes"))
+        }
+
+        fn receive(&mut self, _: Instant) -> io::Result<Option<Received>> {
+            Err(io::Error::other("later"))
+        }
+    }
+
+    #[test]
+    fn what_the_adapter_said_first_when_the_bus_was_gone_is_kept() {
+        let mut link = Link::new(Box::new(Broken), Arc::new(SystemClock::default()));
+        assert!(link.adapter_error().is_none());
+        assert!(matches!(link.nmt(NmtCommand::Stop, 5), Err(CanopenError::BusGone)));
+        assert!(matches!(link.drain(), Err(CanopenError::BusGone)));
+        assert_eq!(link.adapter_error().unwrap().to_string(), "the adapter takes no bytes");
     }
 
     #[test]

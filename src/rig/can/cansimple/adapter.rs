@@ -106,11 +106,10 @@ impl Drive for Cansimple {
         }
         self.next = match request {
             DriveRequest::None => AxisCommand::Silence,
-            DriveRequest::RemovePower => AxisCommand::Idle,
+            // It has no ramp of its own to stop on; asked for one, it is without power.
+            DriveRequest::RemovePower | DriveRequest::QuickStop => AxisCommand::Idle,
             DriveRequest::Enable if self.wanted != CLOSED_LOOP_CONTROL => AxisCommand::Enable(turns),
-            DriveRequest::Enable | DriveRequest::Follow | DriveRequest::QuickStop => {
-                AxisCommand::Follow(turns)
-            }
+            DriveRequest::Enable | DriveRequest::Follow => AxisCommand::Follow(turns),
         };
         Ok(())
     }

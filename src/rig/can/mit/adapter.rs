@@ -33,8 +33,7 @@ impl Drive for Mit {
         self.probe = None;
         self.ask(link, &LEAVE)?;
         self.sensors.prepare(link, file)?;
-        // The rig file says that it knows that there is nothing to read back from this motor.
-        Ok(LimitsConfirmed::by_reading_back())
+        Ok(LimitsConfirmed::held_by_program())
     }
 
     fn proved(&self) -> Option<&str> {
@@ -88,10 +87,11 @@ impl Drive for Mit {
     ) -> Result<(), CanFault> {
         self.next = match request {
             // A motor that is not in motor mode answers this one, too, and stays without power.
-            DriveRequest::None | DriveRequest::RemovePower => MitCommand::Leave,
+            // It has no ramp of its own to stop on; asked for one, it is without power.
+            DriveRequest::None | DriveRequest::RemovePower | DriveRequest::QuickStop => MitCommand::Leave,
             DriveRequest::Enable if !self.in_motor_mode && self.motion.is_known() => MitCommand::Enter,
             _ if !self.in_motor_mode => MitCommand::Leave,
-            DriveRequest::Enable | DriveRequest::Follow | DriveRequest::QuickStop => {
+            DriveRequest::Enable | DriveRequest::Follow => {
                 let step_rad = target.0 - self.target_rad.unwrap_or(target.0);
                 MitCommand::Toward(target.0, step_rad / self.period.as_secs_f64())
             }
@@ -218,13 +218,13 @@ impl Drive for Mit {
             self.in_motor_mode = true;
             // Without gains if that can be said, without power in any case.
             let _ = self.send_leave(link);
-            let deadline = link.now() + MIT_REPLY_TIMEOUT;
-            while let Some(frame) = link.receive(deadline)? {
-                // Whatever it says of its position: it has heard.
-                if frame.id == self.motor.reply_id && frame.data().first() == Some(&(self.motor.id as u8)) {
-                    self.sensors.release(link)?;
-                    return Ok(None);
-                }
+            // The replies to earlier commands look like the one to this. Asked again when they are in, it answers that it has heard.
+            if !self.becomes_silent(link)? || self.send_leave(link).is_err() {
+                continue;
+            }
+            if self.replies_by(link, link.now() + MIT_REPLY_TIMEOUT)? {
+                self.sensors.release(link)?;
+                return Ok(None);
             }
         }
         Err(CanFault::PowerNotConfirmed)

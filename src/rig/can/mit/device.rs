@@ -180,6 +180,30 @@ impl Mit {
         cleared
     }
 
+    /// Whether a reply of the motor comes by the deadline, whatever it says of its position.
+    pub(super) fn replies_by(&self, link: &mut Link, deadline: Instant) -> Result<bool, CanFault> {
+        while let Some(frame) = link.receive(deadline)? {
+            if frame.id == self.motor.reply_id && frame.data().first() == Some(&(self.motor.id as u8)) {
+                return Ok(true);
+            }
+            if link.now() >= deadline {
+                break;
+            }
+        }
+        Ok(false)
+    }
+
+    /// Waits until the motor has not replied for half the time that it has for a reply. It does not as long as another program asks it.
+    pub(super) fn becomes_silent(&self, link: &mut Link) -> Result<bool, CanFault> {
+        let end = link.now() + MIT_REPLY_TIMEOUT;
+        while link.now() < end {
+            if !self.replies_by(link, link.now() + MIT_REPLY_TIMEOUT / 2)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Leaves motor mode and waits for the reply, or makes this position zero.
     pub(super) fn ask(&mut self, link: &mut Link, special: &[u8; 8]) -> Result<MitReply, CanFault> {
         for _ in 0..MIT_ATTEMPTS {

@@ -178,6 +178,23 @@ fn motor_in_mit_mode_goes_through_a_ramp_within_its_torque_limit() {
     assert!(worst_rad < 0.03 && highest_nm <= 8.0, "{worst_rad} rad, {highest_nm} N m");
 }
 
+/// It took the late reply to its last target for the one to its command to let go.
+#[test]
+fn late_reply_of_a_motor_in_mit_mode_that_hears_nothing_does_not_confirm_that_it_has_no_power() {
+    let bench = Bench::mit(MitFirmware::default(), |rig| {
+        own_zero(rig);
+        rig["tolerate"]["missed_cycles_in_a_row"] = json!(5);
+    });
+    let mut armed = bench.arm().unwrap();
+    armed.exchange(&follow(0.0)).unwrap();
+    bench.strike(B::Delayed(Duration::from_millis(40)));
+    armed.exchange(&follow(0.0)).unwrap();
+    bench.strike(B::Deaf);
+    let fault = (0..500).find_map(|_| armed.exchange(&follow(0.0)).err()).expect("it is noticed");
+    assert!(fault.power_may_be_on(), "{fault}");
+    assert!(armed.disarm().power_may_be_on());
+}
+
 #[test]
 fn motor_in_mit_mode_that_goes_on_with_an_earlier_command_does_not_jump() {
     let bench = Bench::mit(MitFirmware { keeps_last_command: true, ..MitFirmware::default() }, own_zero);
