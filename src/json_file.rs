@@ -1,4 +1,4 @@
-//! Reads JSON files of every kind, with three errors: unreadable, not JSON, wrong value.
+//! Reads JSON files of every kind, with three errors: unreadable, not JSON, wrong value; and writes values as JSON.
 //!
 //! A protocol and a rig file of a CAN motor are read by [`protocol`](crate::protocol), which lists all their mistakes at once.
 
@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::files::{self, limits};
 
@@ -166,6 +166,11 @@ impl<'de, V: Deserialize<'de>> Visitor<'de> for UniqueNames<V> {
         }
         Ok(read)
     }
+}
+
+/// A value as JSON for people to read, with an end of line.
+pub fn pretty(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("values of this program have a JSON form") + "\n"
 }
 
 #[cfg(test)]

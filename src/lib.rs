@@ -61,7 +61,7 @@
 //! | noun | module | what it is |
 //! |---|---|---|
 //! | file | [`files`] | the only place that opens files: no links, no devices, limits of size |
-//! | JSON file | [`json_file`] | reads JSON files, with errors that name the file, the line and the field |
+//! | JSON file | [`json_file`] | JSON for people: reads files, with errors that name the file, the line and the field, and writes values |
 //! | number | [`number`] | numbers with derivatives, and vectors of numbers |
 //! | random numbers | [`random`] | streams of random numbers, one for each purpose, all derived from one seed |
 //! | statistics | [`statistics`] | tests, intervals and medians |

@@ -127,7 +127,6 @@ impl NativeMotion {
             torque_nm: given.torque_nm,
             direction: 1.0,
             onset_s: given.onset as f64 * period_s,
-            onset_found: false,
             theta_0_rad: 0.0,
             torque_0_nm: given.torque_nm,
             angle_rad: theta.to_vec(),

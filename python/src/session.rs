@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 use ramphold::app::{AnalysedSession, CheckedSession, Failure, UsedCalibration, with_window};
 use ramphold::consistency::{self, SignalCheck};
 use ramphold::dataset::{
-    FurtherChannel, Record, Session, Status, Subject, Trial, check_given, load, stored_protocol,
-    write_session,
+    Digits, FurtherChannel, PROTOCOL, RIG_CALIBRATION, Record, Session, Status, Subject, Trial, check_given,
+    load, stored_protocol, write_session,
 };
 use ramphold::fit::{self, Model, PreprocessingSettings, Weighting};
 use ramphold::protocol::ValidProtocol;
@@ -215,7 +215,12 @@ impl NativeSession {
         let name = path.display().to_string();
         let protocol = self.protocol.as_ref().map(|protocol| protocol.text().to_owned());
         let calibration = self.calibration.as_ref().map(|used| used.bytes.clone());
-        let write = move |_: &_| write_session(&session, protocol.as_deref(), calibration.as_deref(), &path);
+        let write = move |_: &_| {
+            let protocol = protocol.iter().map(|text| (PROTOCOL, text.as_bytes()));
+            let calibration = calibration.iter().map(|bytes| (RIG_CALIBRATION, bytes.as_ref()));
+            let beside: Vec<(&str, &[u8])> = protocol.chain(calibration).collect();
+            write_session(&session, Digits::All, &beside, &path)
+        };
         background::run(py, None, write)?.map_err(|error| wrong_input(format!("{name}: {error}")))
     }
 

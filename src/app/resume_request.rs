@@ -119,7 +119,7 @@ impl ResumeRequest<'_> {
             let why = "nothing needs the library; the rig file of the session has no streams";
             return Err(Failure::Usage(format!("--lsl-library: {why}")));
         }
-        let in_real_time = self.pace.is_real_time() || ran_on_can_motor(self.session);
+        let in_real_time = self.pace.is_real_time() || ran_on_can_motor(self.session)?;
         SessionStreams::connect(&streams, self.lsl_library, in_real_time, console)
     }
 }

@@ -43,7 +43,7 @@ pub fn finish_session(
     // Locks the session until the results are written.
     let _lock = Resumable::open(folder, Disk::default())?;
     let disk = Disk::default();
-    let is_virtual = !ran_on_can_motor(folder);
+    let is_virtual = !ran_on_can_motor(folder)?;
     if let Err(failure) = attach_streams(folder, console) {
         console.announce(format_args!("the recorded streams were not cut into the trials: {failure}"));
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use crate::console::CommandQuestions;
-use crate::dataset::{self, Disk, RecordError, Resumable};
+use crate::dataset::{self, Disk, RIG_FILE, RecordError, RecordedRig, Resumable, recorded_rig};
 use crate::files::{self, Folder, limits};
 use crate::json_file;
 use crate::rig::can::file::ValidRigFile;
@@ -19,9 +19,6 @@ use serde_json::Value;
 
 use super::question::ask;
 use super::{Console, Failure, Pace};
-
-/// Name of the rig file in the session's folder.
-const RIG_FILE: &str = "rig.json";
 
 /// The rig that a session runs on.
 pub enum SessionRig {
@@ -52,7 +49,7 @@ impl SessionRig {
         home_here: bool,
         console: &Console,
     ) -> Result<Self, Failure> {
-        if ran_on_can_motor(folder) {
+        if ran_on_can_motor(folder)? {
             return Self::can_motor_of_session(folder, session, home_here, console);
         }
         if home_here {
@@ -209,10 +206,17 @@ fn read_rig_text(session: &Path) -> Result<String, Failure> {
 }
 
 /// Whether the session in a folder ran on a motor.
-pub fn ran_on_can_motor(session: &Path) -> bool {
-    // The rig of a virtual session is one level down in its rig.json, beside the virtual subject.
-    let text = read_rig_text(session).unwrap_or_default();
-    serde_json::from_str::<Value>(&text).is_ok_and(|rig| rig.get("kind").is_some())
+///
+/// # Errors
+/// If `rig.json` is not there or cannot be read.
+pub fn ran_on_can_motor(session: &Path) -> Result<bool, Failure> {
+    match recorded_rig(session)? {
+        Some(rig) => Ok(rig == RecordedRig::Motor),
+        None => Err(Failure::Usage(format!(
+            "{}: is not there; a session that this program ran has it",
+            session.join(RIG_FILE).display()
+        ))),
+    }
 }
 
 /// The virtual rig with a hidden effect; an empty list changes nothing.
@@ -263,7 +267,7 @@ pub fn read_stored_virtual_rig(session: &Path) -> Result<StoredVirtualRig, Failu
 /// # Errors
 /// If `rig.json` cannot be read or describes no rig.
 pub fn stored_streams(session: &Path) -> Result<Vec<StreamSettings>, Failure> {
-    if ran_on_can_motor(session) {
+    if ran_on_can_motor(session)? {
         let path = session.join(RIG_FILE);
         let rig = ValidRigFile::parse(&read_rig_text(session)?, &path.display().to_string())?;
         return Ok(rig.streams.clone());
@@ -306,7 +310,8 @@ pub(super) fn write_bus_summary(summary: &Summary, folder: &Path, console: &Cons
     let name = |run: u32| if run == 1 { "bus.json".to_owned() } else { format!("bus-{run}.json") };
     let opened = Folder::open(folder).map_err(RecordError::at(folder))?;
     let name = (1..).map(name).find(|name| !opened.contains(name)).unwrap_or_else(|| name(1));
-    let mut bytes = serde_json::to_vec_pretty(summary).unwrap_or_default();
-    bytes.push(b'\n');
-    Ok(Disk::default().write(&opened, &name, &bytes).map_err(RecordError::at(&folder.join(&name)))?)
+    let text = json_file::pretty(summary);
+    Ok(Disk::default()
+        .write(&opened, &name, text.as_bytes())
+        .map_err(RecordError::at(&folder.join(&name)))?)
 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::consistency::{check_frozen, measured_and_expected};
 use crate::dataset::{Disk, Manifest, RecordError};
 use crate::files::Folder;
+use crate::json_file;
 use crate::rig::ChannelDetails;
 
 use super::emg_warning::EmgWarning;
@@ -294,7 +295,7 @@ pub(super) fn write(
 ) -> Result<(), AttachError> {
     let disk = Disk::default();
     let target = session.join(ATTACHED).join(name);
-    let description = serde_json::to_string_pretty(attachment).unwrap_or_default() + "\n";
+    let description = json_file::pretty(attachment);
     let write = || {
         let folder = Folder::open(session)?;
         let above = folder.folder_made(ATTACHED)?;

@@ -9,6 +9,7 @@ use crate::app::{
 use crate::calibrate::{CalibrationOutcome, RigComparison, RigVerdict, named_load};
 use crate::dataset::{Disk, Manifest, RIG_CALIBRATION, RigCalibration};
 use crate::files;
+use crate::json_file;
 use crate::protocol::significant;
 
 use super::verb::Verb;
@@ -81,8 +82,7 @@ impl CalibrateArgs {
         console.message(format_args!("written: {}", file.display()));
         warn_of_calibration(&outcome.calibration, &file, console);
         if self.json {
-            let text = serde_json::to_string_pretty(&outcome.to_json()).unwrap_or_default();
-            writeln!(console.results(), "{text}")?;
+            write!(console.results(), "{}", json_file::pretty(&outcome.to_json()))?;
             return Ok(());
         }
         print_calibration(console, &outcome)
@@ -91,8 +91,7 @@ impl CalibrateArgs {
     fn compare_with(&self, earlier: &RigCalibration, console: &Console) -> Result<(), Failure> {
         let comparison = compare_rig(&self.session, earlier)?;
         if self.json {
-            let text = serde_json::to_string_pretty(&comparison.to_json()).unwrap_or_default();
-            writeln!(console.results(), "{text}")?;
+            write!(console.results(), "{}", json_file::pretty(&comparison.to_json()))?;
         } else {
             print_comparison(console, earlier, &comparison)?;
         }

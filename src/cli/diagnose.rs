@@ -12,6 +12,7 @@ use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session};
 use crate::diagnose::{Cause, CauseEvidence, Diagnosis, FoundLaw, Verdict, picture};
 use crate::fit::NoiseSource;
+use crate::json_file;
 use crate::protocol::significant;
 use crate::report;
 use serde_json::Value;
@@ -93,7 +94,7 @@ impl Verb for DiagnoseArgs {
             Manifest::renew_results(&Disk::default(), &self.session)?;
         }
         if self.json {
-            writeln!(console.results(), "{}", serde_json::to_string_pretty(&json).unwrap_or_default())?;
+            write!(console.results(), "{}", json_file::pretty(&json))?;
         } else {
             summary(console, &diagnosis, &json)?;
         }

@@ -12,6 +12,7 @@ use crate::app::{
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
 use crate::fit::{self, Model, Results, Weighting};
+use crate::json_file;
 use rayon::prelude::*;
 
 use super::verb::Verb;
@@ -160,8 +161,8 @@ impl FitArgs {
         let partly = partly.into_inner();
         let failed = fitted.iter().filter(|result| result.is_none()).count();
         if self.json {
-            let text = serde_json::to_string_pretty(&fitted.into_iter().flatten().collect::<Vec<_>>());
-            writeln!(console.results(), "{}", text.unwrap_or_default())?;
+            let fitted: Vec<_> = fitted.into_iter().flatten().collect();
+            write!(console.results(), "{}", json_file::pretty(&fitted))?;
         } else {
             writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
         }
@@ -203,8 +204,7 @@ impl FitArgs {
 
     fn show(&self, console: &Console, results: &Results) -> Result<(), Failure> {
         if self.json {
-            let text = serde_json::to_string_pretty(&results.json).unwrap_or_default();
-            writeln!(console.results(), "{text}")?;
+            write!(console.results(), "{}", json_file::pretty(&results.json))?;
         } else {
             fit_table(console, results)?;
         }

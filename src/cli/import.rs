@@ -7,6 +7,7 @@ use crate::app::{Console, Failure, ask_for_mapping, check_out, new_folder};
 use crate::consistency;
 use crate::files::{self, Folder};
 use crate::import::{ImportedSession, Mapping, SourceTable, import, read_source};
+use crate::json_file;
 
 use super::verb::Verb;
 
@@ -86,7 +87,7 @@ impl ImportArgs {
                     file.display()
                 )));
             }
-            let text = serde_json::to_string_pretty(&mapping).unwrap_or_default() + "\n";
+            let text = json_file::pretty(&mapping);
             let written = Folder::open(file.parent().unwrap_or(Path::new("")))
                 .and_then(|folder| folder.write(file.file_name().unwrap_or_default(), text.as_bytes()));
             written.map_err(|source| Failure::ResultsFolder { path: file.clone(), source })?;

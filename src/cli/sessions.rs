@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use crate::app::{Console, Failure, SessionSummary};
 use crate::dataset::{is_session, session_folders};
 use crate::files::Folder;
+use crate::json_file;
 
 use super::verb::Verb;
 
@@ -46,7 +47,7 @@ impl Verb for SessionsArgs {
         let sessions: Vec<SessionSummary> = folders.iter().map(|folder| SessionSummary::of(folder)).collect();
         let mut out = console.results();
         if self.json {
-            writeln!(out, "{}", serde_json::to_string_pretty(&sessions).unwrap_or_default())?;
+            write!(out, "{}", json_file::pretty(&sessions))?;
             return Ok(());
         }
         let width = |of: &dyn Fn(&SessionSummary) -> usize, least: usize| {

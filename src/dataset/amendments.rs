@@ -9,9 +9,9 @@ use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::{Folder, limits};
+use crate::json_file;
 use crate::session::Status;
 
 /// Name of the file in a session folder.
@@ -84,7 +84,7 @@ impl Amendments {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let write = || disk.write(&Folder::open(folder)?, AMENDMENTS, &pretty(self));
+        let write = || disk.write(&Folder::open(folder)?, AMENDMENTS, json_file::pretty(self).as_bytes());
         write().map_err(RecordError::at(&folder.join(AMENDMENTS)))
     }
 }

@@ -10,12 +10,12 @@ use serde_json::{Map, Value};
 use super::disk::Disk;
 use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
-use super::pretty_json::pretty;
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
 use super::tables;
 use super::{RIG_CALIBRATION, SESSION_FORMAT};
 use crate::files::{self, Folder};
+use crate::json_file;
 use crate::protocol::ValidProtocol;
 use crate::rig::{RecordedChannel, RecordedSignals};
 use crate::schedule;
@@ -118,10 +118,10 @@ impl NewSession<'_> {
         for (name, bytes) in [
             ("protocol.json", self.protocol.text().as_bytes()),
             ("schedule.csv", &self.schedule()),
-            ("rig.json", &pretty(self.rig)),
+            ("rig.json", json_file::pretty(self.rig).as_bytes()),
             ("trials.csv", tables::empty()),
             (tables::RIG_TABLE, tables::empty_rig_table()),
-            ("session.json", &pretty(&self.description(rate))),
+            ("session.json", json_file::pretty(&self.description(rate)).as_bytes()),
         ] {
             if name == tables::RIG_TABLE && !self.has(tables::RIG_FOLDER) {
                 continue;

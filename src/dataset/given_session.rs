@@ -9,8 +9,6 @@ use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::load::{check_further_channels, check_record, check_values};
 use super::record_csv::{Digits, record_csv};
-use super::rig_calibration::RIG_CALIBRATION;
-use super::stored_protocol::PROTOCOL;
 use super::trial_csv_reader::check_times;
 use super::{PROGRAM, SESSION_FORMAT, Session, Status, Trial};
 use crate::files::{Folder, csv_cell, limits, make_folders};
@@ -98,17 +96,18 @@ pub(super) fn sample_at(trial: &str, sample: usize, channel: &str) -> FilePlace 
     FilePlace { file: trial.into(), line: None, column: Some(format!("{channel}[{sample}]").into()) }
 }
 
-/// Writes `session` into the new folder `folder`; numbers have as many digits as it takes to read back the same.
+/// Writes `session` into the new folder `folder`; the numbers of the table have as many digits as it takes to read back the same, those
+/// of the records what `digits` says.
 ///
-/// `protocol` is the text of the protocol whose window and filter hold for it, and `calibration` the bytes of the rig's calibration: an
-/// analysis of the folder then gives what one of the session gives.
+/// `beside` are the names and bytes of further files. With `protocol.json`, whose window and filter hold for the session, and
+/// `rig-calibration.json`, an analysis of the folder gives what one of the session gives.
 ///
 /// # Errors
 /// If the folder is there already, or cannot be written.
 pub fn write_session(
     session: &Session,
-    protocol: Option<&str>,
-    calibration: Option<&[u8]>,
+    digits: Digits,
+    beside: &[(&str, &[u8])],
     folder: &Path,
 ) -> std::io::Result<()> {
     let opened = new_folder(folder)?;
@@ -125,15 +124,12 @@ pub fn write_session(
         disk.write(
             &opened,
             &trial.file,
-            record_csv(&trial.record, session.sample_rate_hz, Digits::All).as_bytes(),
+            record_csv(&trial.record, session.sample_rate_hz, digits).as_bytes(),
         )?;
     }
     disk.write(&opened, "trials.csv", table_text(session).as_bytes())?;
-    if let Some(protocol) = protocol {
-        disk.write(&opened, PROTOCOL, protocol.as_bytes())?;
-    }
-    if let Some(calibration) = calibration {
-        disk.write(&opened, RIG_CALIBRATION, calibration)?;
+    for (name, bytes) in beside {
+        disk.write(&opened, name, bytes)?;
     }
     let description = json!({
         "format": SESSION_FORMAT,
@@ -249,12 +245,12 @@ mod tests {
         session.trials.push(aborted);
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("s");
-        write_session(&session, None, None, &folder).unwrap();
+        write_session(&session, Digits::All, &[], &folder).unwrap();
         let again = load(&folder).unwrap();
         assert_eq!(again.digest(), session.digest());
         assert_eq!(again.trials[1].record, session.trials[1].record);
         assert!(again.trials[2].record.theta_m_rad.is_empty());
-        let error = write_session(&session, None, None, &folder).unwrap_err();
+        let error = write_session(&session, Digits::All, &[], &folder).unwrap_err();
         assert!(error.to_string().contains("exists already"), "{error}");
     }
 

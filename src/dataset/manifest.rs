@@ -13,10 +13,10 @@ use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, PROGRAM};
 use super::journal::JOURNAL;
-use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use super::rig_calibration::RIG_CALIBRATION;
 use crate::files::{EntryKind, Folder, TreeFile, is_unfinished, limits};
+use crate::json_file;
 
 /// Name of the manifest in a session folder.
 pub const MANIFEST: &str = "manifest.json";
@@ -125,7 +125,7 @@ impl Manifest {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let write = || disk.write(&Folder::open(folder)?, MANIFEST, &pretty(self));
+        let write = || disk.write(&Folder::open(folder)?, MANIFEST, json_file::pretty(self).as_bytes());
         write().map_err(RecordError::at(&folder.join(MANIFEST)))
     }
 

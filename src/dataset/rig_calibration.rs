@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::disk::Disk;
-use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::Folder;
 use crate::json_file::{self, JsonFileError};
@@ -358,7 +357,7 @@ impl RigCalibration {
 
     /// The bytes of the file.
     pub fn text(&self) -> Vec<u8> {
-        pretty(self)
+        json_file::pretty(self).into_bytes()
     }
 
     /// Value of a constant, in the unit of its name; `None` if the loads could not tell it.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use schemars::{JsonSchema, schema_for};
 
+use crate::json_file;
 use crate::rig::RecordedChannel;
 use crate::signal::FilterSpec;
 
@@ -69,5 +70,5 @@ struct LeverFields {
 
 /// JSON schema of `session.json`.
 pub fn session_schema_text() -> String {
-    serde_json::to_string_pretty(&schema_for!(SessionFile)).unwrap_or_default() + "\n"
+    json_file::pretty(&schema_for!(SessionFile))
 }

@@ -9,7 +9,7 @@ use crate::files::limits;
 use crate::protocol::{ValidProtocol, significant};
 
 /// Name of the protocol in a session folder.
-pub(super) const PROTOCOL: &str = "protocol.json";
+pub const PROTOCOL: &str = "protocol.json";
 
 /// Reads the protocol of the session in `folder`; `None` if it has none, as a session that another program measured.
 ///

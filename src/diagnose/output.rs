@@ -14,6 +14,7 @@ use super::residual_correlation::residual_by_trial;
 use crate::dataset::Disk;
 use crate::files::Folder;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
+use crate::json_file;
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
@@ -284,7 +285,7 @@ impl Diagnosis {
         disk: &Disk,
         folder: &Folder,
     ) -> Result<(), WriteError> {
-        let text = serde_json::to_string_pretty(json).unwrap_or_default() + "\n";
+        let text = json_file::pretty(json);
         let model =
             self.model(observations).to_json(Some("base model and the mechanisms that a diagnosis named"));
         write_files(disk, folder, &[("diagnosis.json", &text), ("model.json", &model)])

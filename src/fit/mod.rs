@@ -68,6 +68,7 @@ pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;
 pub use population::session_fit::{SessionFit, coarse_angle};
+pub use population::session_priors::{DECREMENT_RATIO, EXPONENT_SD, LEVEL_SD, SPREAD_DEGREES, SPREAD_SD};
 pub use residuals::input_error::common_input_error_covariance;
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;

@@ -205,5 +205,5 @@ fn schema() -> serde_json::Value {
 
 /// JSON schema of mappings.
 pub fn schema_text() -> String {
-    serde_json::to_string_pretty(&schema()).unwrap_or_default() + "\n"
+    json_file::pretty(&schema())
 }

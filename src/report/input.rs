@@ -14,9 +14,9 @@ use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
 use crate::attach::attached_emg;
-use crate::dataset::{self, Amendments, JOURNAL, Session, SessionCard};
+use crate::dataset::{self, Amendments, JOURNAL, RecordedRig, Session, SessionCard, recorded_rig};
 use crate::files::{Folder, is_refusal, limits};
-use crate::fit::{DESCRIBING_VAF, ExcludedTrial, FIT_FORMAT};
+use crate::fit::{DESCRIBING_VAF, ExcludedTrial, FIT_FORMAT, PreprocessingSettings};
 use crate::json_file;
 use crate::protocol::ValidProtocol;
 
@@ -110,7 +110,7 @@ impl ReportInput {
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);
         let opened = open(folder)?;
-        let is_virtual = ran_on_virtual_wrist(&opened);
+        let is_virtual = recorded_rig(folder)? == Some(RecordedRig::VirtualWrist);
         let journal = text(&opened, JOURNAL, limits::JOURNAL_BYTES)?;
         let times = journal.map(|text| times(&text, session.sample_rate_hz));
         let lateness = lateness(&opened, &mut missing)?;
@@ -180,10 +180,11 @@ impl ReportInput {
         })
     }
 
-    /// The analysed window, s.
+    /// The analysed window, s: that of the fit, or else of the protocol, or else what a fit would take.
     pub fn window_s(&self) -> f64 {
         let of_fit = self.fitted.as_ref().map(|fitted| fitted.settings.window_s);
-        of_fit.or(self.protocol.as_ref().map(|protocol| protocol.window_s)).unwrap_or(0.040)
+        let of_protocol = self.protocol.as_ref().map(|protocol| protocol.window_s);
+        of_fit.or(of_protocol).unwrap_or(PreprocessingSettings::default().window_s)
     }
 }
 
@@ -240,13 +241,6 @@ fn protocol(folder: &Path, missing: &mut Vec<String>) -> Option<ValidProtocol> {
         Err(error) => missing.push(format!("The protocol cannot be read: {error}")),
     }
     None
-}
-
-/// Whether `rig.json` describes a virtual wrist.
-fn ran_on_virtual_wrist(folder: &Folder) -> bool {
-    let rig = folder.read("rig.json", limits::SETTINGS_BYTES).ok();
-    let rig = rig.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
-    rig.is_some_and(|rig| rig.pointer("/rig/kind").and_then(Value::as_str) == Some("virtual"))
 }
 
 fn lateness(folder: &Folder, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {

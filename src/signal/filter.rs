@@ -153,15 +153,6 @@ pub fn filter(sections: &[Section], signal: &[f64]) -> Vec<f64> {
     output
 }
 
-/// Runs `sections` forwards and then backwards.
-pub fn filter_both_ways(sections: &[Section], signal: &[f64]) -> Vec<f64> {
-    let mut output = filter(sections, signal);
-    output.reverse();
-    output = filter(sections, &output);
-    output.reverse();
-    output
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,7 +5,7 @@ mod noise_covariance;
 mod onset;
 mod sinusoid;
 
-pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
+pub use filter::{FilterError, FilterSpec, Section, SectionState, filter};
 pub use noise_covariance::NoiseCovariance;
 pub use onset::onset;
 pub use sinusoid::Sinusoid;

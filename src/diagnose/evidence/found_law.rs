@@ -9,7 +9,7 @@ use super::model_search::{ComparedModel, ModelSearch};
 use super::used_freedom::Freedom;
 use crate::fit::mechanism_ranges;
 use crate::statistics::HALF_INTERVAL_95;
-use crate::wrist::mechanisms::{Argument, FreeLaw, MechanismKind, Place};
+use crate::wrist::mechanisms::{FreeLaw, MechanismKind, Place};
 
 /// Number of points of a curve.
 const CURVE_POINTS: usize = 41;
@@ -63,11 +63,6 @@ impl FoundLaw {
     /// Where it acts.
     pub fn place(&self) -> Option<Place> {
         self.kind.free_law().map(|law| law.place)
-    }
-
-    /// What it is a function of.
-    pub fn of_what(&self) -> Option<Argument> {
-        self.kind.free_law().map(|law| law.argument)
     }
 
     /// The entry of `diagnosis.json`.

@@ -14,7 +14,7 @@ use super::session_equations::{Design, FreeLawPrior, REGRESSORS};
 use super::size_drift::{ConstantDrifts, SIZE_DRIFTS, drift_covariates, drift_sds};
 use super::used_freedom::Freedom;
 use crate::diagnose::predicted_torque::torques;
-use crate::fit::{Fit, I_J, K_DEC, K_SRS, Observations, mechanism_ranges};
+use crate::fit::{DECREMENT_RATIO, Fit, I_J, K_DEC, K_SRS, Observations, mechanism_ranges};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::{FREE_LAWS, MechanismKind, Place, Prior, ProbeContext};
@@ -24,9 +24,6 @@ const INERTIA_SD: f64 = 0.03;
 
 /// Standard deviation of the prior of the logarithm of a parameter about which nothing is known.
 const VAGUE_LOG_SD: f64 = 3.0;
-
-/// k_dec is 0.6 of k_srs within a factor of e^0.5: the paper finds it below k_srs in all conditions, without figures (3.2, 3.3).
-const DECREMENT_RATIO: (f64, f64) = (0.6, 0.5);
 
 /// A deviation of a law below this is not looked for, N m: the numerical error of the model has this size.
 const LEAST_DEVIATION_NM: f64 = 1e-5;

@@ -113,8 +113,6 @@ pub struct TrialObservation {
     pub direction: f64,
     /// Onset of the ramp on the time axis of the record, s.
     pub onset_s: f64,
-    /// Whether the onset was detected in the record rather than given by the session.
-    pub onset_found: bool,
     /// Mean motor angle before the ramp, rad.
     pub theta_0_rad: f64,
     /// Mean torque before the ramp, N m.

@@ -211,7 +211,6 @@ impl Observations {
             torque_nm: trial.torque_nm,
             direction,
             onset_s: record.start_s + onset as f64 * self.period_s,
-            onset_found: trial.onset_s.is_none(),
             theta_0_rad,
             torque_0_nm,
             input: wrist::TrialInput { motion, onset: onset - first, covariates: Covariates::default() },

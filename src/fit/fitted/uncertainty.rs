@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
-use super::predictions::{Prediction, predictions};
+use super::predictions::Prediction;
 use crate::fit::data::observations::Observations;
 use crate::fit::linalg::invert_scaled;
 use crate::fit::parameters::component::Component;
@@ -137,19 +137,6 @@ fn sandwich_meat(
         meat += full.tr_mul(&(&fit.residual_covariances[noise].covariance * &full));
     }
     meat
-}
-
-impl Fit {
-    /// Standard errors of all parameters of the first trial, in the units of the parameters; `None` for a parameter that is fixed, at a
-    /// bound or not determined, or if the covariance of the residuals is unknown.
-    pub fn standard_errors(&self, observations: &Observations) -> Vec<Option<f64>> {
-        let count = self.parameters[0].len();
-        let predictions = predictions(observations, self);
-        let Some(covariances) = coordinate_covariances(observations, self, &predictions) else {
-            return vec![None; count];
-        };
-        (0..count).map(|parameter| standard_error(self, 0, parameter, &covariances)).collect()
-    }
 }
 
 /// Standard error of one parameter of a trial, in the unit of the parameter.

@@ -181,7 +181,7 @@ impl Model {
                 })
                 .collect(),
         };
-        serde_json::to_string_pretty(&file).expect("a model holds only strings and finite numbers") + "\n"
+        json_file::pretty(&file)
     }
 }
 

@@ -23,6 +23,7 @@ use crate::fit::population::no_session_model::NoSessionModel;
 use crate::fit::population::other_optimum::OtherOptimum;
 use crate::fit::population::session_fit::SessionFit;
 use crate::fit::residuals::objective::{Objective, Weighting};
+use crate::json_file;
 use crate::signal::NoiseCovariance;
 use crate::wrist::{BASE_PARAMETERS, ScaledChannel};
 
@@ -161,17 +162,12 @@ impl Results {
         self.no_session_model.is_none()
     }
 
-    /// Whether the optimisation converged for every trial.
-    pub fn all_converged(&self) -> bool {
-        self.estimates.iter().all(|estimate| estimate.converged)
-    }
-
     /// Writes the result files into `folder`; each file is replaced atomically.
     ///
     /// # Errors
     /// If a file cannot be written; the message names the file.
     pub fn write(&self, disk: &Disk, folder: &Folder) -> Result<(), WriteError> {
-        let json = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
+        let json = json_file::pretty(&self.json);
         let files = [
             ("fit.csv", fit_csv(&self.estimates)),
             ("conditions.csv", conditions_csv(&self.conditions)),

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
+use super::session_priors::{EXPONENT_SD, LEVEL_SD, SPREAD_DEGREES, SPREAD_SD};
 use super::summary::OptimumSummary;
 use crate::fit::linalg::cholesky;
 use crate::statistics::{log_determinant_of_factor, probabilities};
@@ -10,17 +11,8 @@ use crate::statistics::{log_determinant_of_factor, probabilities};
 /// so (Lange, Little and Taylor 1989).
 const DEGREES_OF_FREEDOM: f64 = 4.0;
 
-/// Prior of the spreads tau and omega: scaled inverse chi-square with these degrees of freedom, as many as four trials would give,
-/// about this standard deviation of the logarithm. A person's short-range stiffness varies by 2 to 3 % from trial to trial.
-const SPREAD_PRIOR_WEIGHT: f64 = 4.0;
-const SPREAD_PRIOR_SD: f64 = 0.03;
-
-/// The 0.1 % quantile of chi-square with [`SPREAD_PRIOR_WEIGHT`] degrees of freedom.
-const SPREAD_PRIOR_TAIL: f64 = 0.090_804;
-
-/// Standard deviation of the prior of the exponents of velocity and torque, about zero: exponents of wrist parameters lie between
-/// minus and plus one (section 3 of the paper).
-const EXPONENT_SD: f64 = 1.0;
+/// The 0.1 % quantile of chi-square with [`SPREAD_DEGREES`] degrees of freedom.
+const SPREAD_TAIL: f64 = 0.090_804;
 
 /// Prior of the ratio of two parameters at mean velocity and torque: normal on a logarithmic scale.
 #[derive(Debug, Clone, Copy)]
@@ -42,9 +34,6 @@ pub struct LinearPrior {
     /// Inverse of its variance.
     pub precision: f64,
 }
-
-/// Standard deviation of the prior of the logarithm of a parameter at mean velocity and torque: none to speak of.
-const LEVEL_SD: f64 = 100.0;
 
 const MAX_ITERATIONS: usize = 200;
 
@@ -116,7 +105,7 @@ pub struct Hierarchy {
 /// The largest spread that a single person's session is taken to have, as standard deviation of a logarithm: beyond it lies 0.1 % of
 /// the prior.
 pub fn largest_spread() -> f64 {
-    SPREAD_PRIOR_SD * libm::sqrt(SPREAD_PRIOR_WEIGHT / SPREAD_PRIOR_TAIL)
+    SPREAD_SD * libm::sqrt(SPREAD_DEGREES / SPREAD_TAIL)
 }
 
 /// One optimum of a trial under the prior that its condition gives it.
@@ -142,7 +131,7 @@ impl Hierarchy {
         let count = log_conditions.len() as f64;
         let mean = [0, 1].map(|which| log_conditions.iter().map(|own| own[which]).sum::<f64>() / count);
         let size = trials[0].optima[0].at.len();
-        let spread = DVector::from_element(size, 4.0 * SPREAD_PRIOR_SD * SPREAD_PRIOR_SD);
+        let spread = DVector::from_element(size, 4.0 * SPREAD_SD * SPREAD_SD);
         Self {
             regressors: log_conditions
                 .iter()
@@ -274,8 +263,8 @@ impl Hierarchy {
         cost += self.coefficient_priors().into_iter().map(square).sum::<f64>();
         cost -= 0.5 * self.log_determinant;
         for variance in self.trial_variance.iter().chain(self.condition_variance.iter()) {
-            let relative = SPREAD_PRIOR_SD * SPREAD_PRIOR_SD / variance;
-            cost += 0.5 * SPREAD_PRIOR_WEIGHT * (relative - libm::log(relative));
+            let relative = SPREAD_SD * SPREAD_SD / variance;
+            cost += 0.5 * SPREAD_DEGREES * (relative - libm::log(relative));
         }
         cost.is_finite().then_some(cost)
     }
@@ -388,8 +377,8 @@ impl Hierarchy {
 
     /// Spreads and weights from the present expectations. Returns the largest change of the logarithm of a variance.
     fn maximise(&mut self) -> f64 {
-        let prior = SPREAD_PRIOR_WEIGHT * SPREAD_PRIOR_SD * SPREAD_PRIOR_SD;
-        let variance = |sum: f64, count: usize| (prior + sum) / (SPREAD_PRIOR_WEIGHT + count as f64);
+        let prior = SPREAD_DEGREES * SPREAD_SD * SPREAD_SD;
+        let variance = |sum: f64, count: usize| (prior + sum) / (SPREAD_DEGREES + count as f64);
         let mut change = 0.0f64;
         for coordinate in 0..self.trial_variance.len() {
             let trials = self.trials.iter().zip(&self.weights);

@@ -20,6 +20,7 @@ pub mod other_optimum;
 mod session_equations;
 pub mod session_fit;
 pub mod session_place;
+pub mod session_priors;
 mod skewness;
 mod summary;
 mod trial_blocks;

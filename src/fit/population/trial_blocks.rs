@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use super::hierarchy::{Hierarchy, RatioPrior, TrialPosterior, TrialSummary};
 use super::no_session_model::NoSessionModel;
 use super::other_optimum::OtherOptimum;
+use super::session_priors::DECREMENT_RATIO;
 use super::summary::OptimumSummary;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
@@ -86,10 +87,11 @@ impl TrialBlocks {
         })
     }
 
-    /// The paper finds k_dec below k_srs in all conditions (3.2, 3.3), without figures.
+    /// Prior of k_dec as a part of k_srs, if both are estimated.
     pub(super) fn ratio_prior(&self) -> Option<RatioPrior> {
         let coordinate = |parameter: usize| self.parameters.iter().position(|own| *own == parameter);
-        Some(RatioPrior { coordinates: [coordinate(K_DEC)?, coordinate(K_SRS)?], median: 0.6, log_sd: 0.5 })
+        let (median, log_sd) = DECREMENT_RATIO;
+        Some(RatioPrior { coordinates: [coordinate(K_DEC)?, coordinate(K_SRS)?], median, log_sd })
     }
 
     /// The optima that each trial has alone.

@@ -4,6 +4,7 @@
 //! restarts are dropped at once: with x_e held, one Gauss-Newton step of the other parameters shows that the cost stays too high.
 
 use crate::fit::data::observations::Observations;
+use crate::fit::data::preprocessing::REFLEX_FREE_S;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
 use crate::fit::fitted::fit::{BlockOptimum, Fit};
 use crate::fit::model::parameter_index::{K_DEC, K_SRS, X_E};
@@ -40,9 +41,6 @@ const MAX_EXCESS: f64 = 12.0;
 
 /// Approximate number of independent values that the paper's filter leaves in its window.
 const INDEPENDENT_VALUES: f64 = 4.5;
-
-/// Length of the paper's window, s.
-const PAPER_WINDOW_S: f64 = 0.040;
 
 /// Options of a restart with whitened residuals: it must only show whether it leads to another optimum.
 const RESTART: SolverOptions = SolverOptions { max_iterations: 25, tolerance: 1e-4, max_log_step: 0.7 };
@@ -342,7 +340,7 @@ impl Fit {
         match self.objective {
             Objective::Whitened(_) => 1.0,
             Objective::LeastSquares => {
-                let windows = observations.rows() as f64 * observations.period_s / PAPER_WINDOW_S;
+                let windows = observations.rows() as f64 * observations.period_s / REFLEX_FREE_S;
                 let trials =
                     self.parameterisation.components[component].trials_of_block(block).count() as f64;
                 present.block_costs().nth(block).unwrap_or(0.0)

@@ -17,15 +17,13 @@ use crate::fit::linalg::cholesky;
 use crate::fit::model::parameter_index::X_E;
 use crate::fit::parameters::component::BorderPrior;
 use crate::fit::parameters::coordinate::Coordinate;
+use crate::fit::population::session_priors::DECREMENT_RATIO;
 use crate::fit::solver::levenberg_marquardt::solve;
 use crate::fit::solver::options::SolverOptions;
 
 /// Number of values of x_e that are looked at, and the least and the greatest of them as fractions of the largest motor angle in the window.
 const PLACES_ALONG_X_E: usize = 16;
 const PLACE_FRACTIONS: [f64; 2] = [0.081, 1.0];
-
-/// k_dec as a fraction of k_srs where the descent to each of them starts.
-const PLACE_K_DEC: f64 = 0.6;
 
 /// Options of these descents, at the end of which the derivatives are taken. They need not be exact, since the other parameters follow the
 /// noise.
@@ -171,7 +169,7 @@ fn block_places(observations: &Observations, predicted_nm: &[Vec<f64>], fit: &Fi
     for (subproblem, (component, block)) in repeated.iter().enumerate() {
         let own = &fit.parameterisation.components[*component];
         let Some(trial) = own.trials_of_block(*block).next() else { continue };
-        let restart = (x_e_fraction(subproblem % PLACES_ALONG_X_E), PLACE_K_DEC);
+        let restart = (x_e_fraction(subproblem % PLACES_ALONG_X_E), DECREMENT_RATIO.0);
         for (parameter, value) in fit.restart_values(&session, trial, restart) {
             let coordinate = fit.coordinate_of(*component, *block, parameter);
             let Some(position) = own.blocks[*block].iter().position(|index| Some(*index) == coordinate)

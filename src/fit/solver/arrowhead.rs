@@ -209,16 +209,6 @@ impl GaussNewtonEquations {
         (*cost, gradient.clone(), matrix)
     }
 
-    /// How far the border's optimum moves when the coordinates of the blocks move by `steps`.
-    pub fn border_response(&self, steps: &[DVector<f64>]) -> DVector<f64> {
-        let mut right = DVector::zeros(self.border.nrows());
-        for (block, step) in self.blocks.iter().zip(steps) {
-            right -= block.with_border.tr_mul(step);
-        }
-        let zero = right.clone() * 0.0;
-        cholesky(self.border.clone()).map_or(zero, |factor| factor.solve(&right))
-    }
-
     /// Standard deviations of the coordinates of a block, from its own trials and the information `prior` about the border; infinite
     /// if the data do not determine them.
     pub fn block_standard_deviations(&self, block: usize, prior: &BorderPrior) -> Vec<f64> {

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::ReportSection;
 use super::verdict::changes;
+use crate::json_file;
 use crate::report::diagnosed::{Candidate, Diagnosed, DiagnosedCause, parameter_in_words};
 use crate::report::figures::{ResidualMap, law, residual_map};
 use crate::report::fitted::{Fitted, SHOWN, Shown};
@@ -73,10 +74,10 @@ fn misfit(section: &mut ReportSection, diagnosis: &Diagnosed) {
 /// What describes the remaining residual without being a mechanism.
 fn residual_term(section: &mut ReportSection, root: &Value) {
     let Some(rest) = root.get("residual_term").filter(|rest| !rest.is_null()) else { return };
-    let text = serde_json::to_string_pretty(rest).unwrap_or_default();
+    let text = json_file::pretty(rest);
     section.html += &format!(
         "<p>The remaining residual is described by a term that stands for no mechanism:</p><pre>{}</pre>",
-        escape(&text)
+        escape(text.trim_end())
     );
 }
 

@@ -18,10 +18,10 @@ use super::model_posterior::{LeastEvidence, ModelPosterior};
 use super::model_prior::ModelPrior;
 use super::rig_knowledge::CHANGED_AFTER_RIG_TRIALS;
 use super::session_prior::SessionPrior;
-use crate::fit::{Fit, K_DEC, K_SRS, Model, Observations, ParameterSpec, Transform, X_E};
+use crate::fit::{DECREMENT_RATIO, Fit, K_DEC, K_SRS, Model, Observations, ParameterSpec, Transform, X_E};
 use crate::wrist::mechanisms::MechanismKind;
 
-/// Elastic limits from which all trials start once more, as parts of the largest motor angle in the window; k_dec is 0.6 of k_srs there.
+/// Elastic limits from which all trials start once more, as parts of the largest motor angle in the window; k_dec has its prior median there.
 const LIMIT_RESTARTS: [f64; 2] = [0.4, 0.6];
 
 /// A model whose probability, relative to the best, is estimated to be below e to the minus this is not computed exactly: together they
@@ -244,7 +244,7 @@ fn limit_restarts(observations: &Observations, fit: &Fit) -> Vec<Fit> {
                 }
             };
             set(X_E, part * observations.peak_angle_rad(trial));
-            set(K_DEC, 0.6 * fit.parameters[trial][K_SRS]);
+            set(K_DEC, DECREMENT_RATIO.0 * fit.parameters[trial][K_SRS]);
         }
         starts.push(fit.at_solution(solution));
     }

@@ -4,11 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::spreads::{FreeLawPrior, Spreads};
 use crate::diagnose::evidence::gaussian::log_determinant;
-
-/// Standard deviations of the prior of the regression: none to speak of for the level, and exponents of velocity and torque between
-/// minus and plus one (section 3 of de Vlugt et al. 2011).
-pub(super) const LEVEL_SD: f64 = 100.0;
-pub(super) const EXPONENT_SD: f64 = 1.0;
+use crate::fit::{EXPONENT_SD, LEVEL_SD};
 
 /// Number of regressors of a condition: 1, log velocity and log torque.
 pub const REGRESSORS: usize = 3;

@@ -2,10 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Prior of the spreads within and between conditions: scaled inverse chi-square with these degrees of freedom, about this standard
-/// deviation of a logarithm. As in the fit of a session: a person's stiffness varies by 2 to 3 % from trial to trial.
-const SPREAD_WEIGHT: f64 = 4.0;
-const SPREAD_SD: f64 = 0.03;
+use crate::fit::{SPREAD_DEGREES, SPREAD_SD};
 
 /// Degrees of freedom of the prior of the noise's variance beside that of the holds. The hold predicts the variance of the noise in the
 /// ramp to a fifth: the variance of a scaled inverse chi-square of this many degrees of freedom.
@@ -55,7 +52,7 @@ impl Spreads {
         };
         let spreads = self.trial.iter().chain(self.condition.iter());
         let mut cost: f64 =
-            spreads.map(|own| inverse_chi_square(SPREAD_WEIGHT, SPREAD_SD * SPREAD_SD, *own)).sum();
+            spreads.map(|own| inverse_chi_square(SPREAD_DEGREES, SPREAD_SD * SPREAD_SD, *own)).sum();
         cost += inverse_chi_square(NOISE_WEIGHT, 1.0, self.noise);
         if let Some(law) = law {
             cost += inverse_chi_square(LAW_WEIGHT, law.variance, self.law);
@@ -88,7 +85,7 @@ impl ExpectedSquares {
     /// maximisation). Also the largest change of the logarithm of a variance.
     pub fn spreads(&self, law: Option<&FreeLawPrior>, present: &Spreads) -> (Spreads, f64) {
         let estimate = |sum: f64, count: usize| {
-            (SPREAD_WEIGHT * SPREAD_SD * SPREAD_SD + sum) / (SPREAD_WEIGHT + count as f64)
+            (SPREAD_DEGREES * SPREAD_SD * SPREAD_SD + sum) / (SPREAD_DEGREES + count as f64)
         };
         let next = Spreads {
             trial: self.trial.map(|sum| estimate(sum, self.trials)),

@@ -1,4 +1,4 @@
-//! The SDO client: expedited and segmented transfers.
+//! The SDO client: expedited writes, expedited and segmented reads.
 //!
 //! A read that is not answered is asked again; a write is not, for the server may have carried it out. What it did is
 //! seen by reading back.
@@ -62,33 +62,6 @@ impl Link {
         let answer = self.ask(node, object, &request)?;
         if answer[0] != 0x60 || answer[1..4] != request[1..4] {
             return Err(self.abort(node, object, UNKNOWN_COMMAND));
-        }
-        Ok(())
-    }
-
-    /// Writes more than four bytes in segments.
-    ///
-    /// # Errors
-    /// Silence or an abort.
-    pub fn write_bytes(&mut self, node: u8, object: Object, data: &[u8]) -> Result<(), CanopenError> {
-        let mut first = request(0x21, object);
-        first[4..].copy_from_slice(&(data.len() as u32).to_le_bytes());
-        let answer = self.ask(node, object, &first)?;
-        if answer[0] != 0x60 || answer[1..4] != first[1..4] {
-            return Err(self.abort(node, object, UNKNOWN_COMMAND));
-        }
-        let mut toggle = 0u8;
-        let count = data.chunks(7).count();
-        for (number, part) in data.chunks(7).enumerate() {
-            let last = u8::from(number + 1 == count);
-            let mut segment = [0u8; 8];
-            segment[0] = toggle << 4 | (7 - part.len() as u8) << 1 | last;
-            segment[1..=part.len()].copy_from_slice(part);
-            let answer = self.ask(node, object, &segment)?;
-            if answer[0] != 0x20 | toggle << 4 {
-                return Err(self.abort(node, object, TOGGLE));
-            }
-            toggle ^= 1;
         }
         Ok(())
     }

@@ -2,10 +2,9 @@ mod dense;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::design::EXPONENT_SD;
-use super::design::LEVEL_SD;
 use super::*;
 use crate::diagnose::evidence::linearisation::LinearTrial;
+use crate::fit::{EXPONENT_SD, LEVEL_SD};
 use crate::random::Stream;
 use crate::statistics::log_determinant_of_factor;
 
