@@ -37,7 +37,7 @@
 //!     seed: 1,
 //!     order_number: 1,
 //! };
-//! let unit = Unit { index: 0, subject: "V00".into(), session: 1, source };
+//! let unit = Unit { index: 0, subject: "V00".into(), session: 1, is_excluded: false, source };
 //! let session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
 //!
 //! // The fit: one set of parameters for each trial.

@@ -72,7 +72,7 @@ pub fn fit_own_wrist(
         seed,
         order_number: 1,
     };
-    let unit = Unit { index: 0, subject: format!("V{seed}"), session: 1, source };
+    let unit = Unit { index: 0, subject: format!("V{seed}"), session: 1, is_excluded: false, source };
     let mut session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
     session.lever = stated;
     let wrist = VirtualWrist::new(person, setup, seed, protocol.signal.sample_rate_hz);

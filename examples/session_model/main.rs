@@ -48,7 +48,7 @@ fn simulate(protocol: &ValidProtocol, person: &Person, seed: u64) -> Result<Sess
     let setup = Setup::default();
     let person = Box::new(person.clone());
     let source = UnitSource::Virtual { protocol, setup: &setup, person, seed, order_number: 1 };
-    let unit = Unit { index: 0, subject: format!("V{seed}"), session: 1, source };
+    let unit = Unit { index: 0, subject: format!("V{seed}"), session: 1, is_excluded: false, source };
     Ok(simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?)
 }
 

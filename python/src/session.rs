@@ -195,7 +195,10 @@ impl NativeSession {
                 seed,
                 order_number,
             };
-            simulate_unit(&Unit { index: 0, subject, session: 1, source }, SessionStorage::Memory)
+            simulate_unit(
+                &Unit { index: 0, subject, session: 1, is_excluded: false, source },
+                SessionStorage::Memory,
+            )
         })?;
         match simulated {
             Ok(Some(session)) => Ok(Self {

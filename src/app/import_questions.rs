@@ -114,7 +114,7 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
             let unit = units.iter().find(|unit| unit.name() == text);
             unit.copied().ok_or_else(|| format!("expected one of {}", names.join(", ")))
         })?;
-        let mut signal = MappedSignal { column, unit, sign: 1, zero: 0.0, at_mvc: None };
+        let mut signal = MappedSignal::plain(&column, unit);
         if units == ANGLE_UNITS || units == TORQUE_UNITS {
             let question = "Its sign: 1 if a ramp that stretches the muscle, or torque that resists it, is positive, else -1";
             signal.sign = self.answer(question, "1", |text| match text {

@@ -54,8 +54,8 @@ pub fn load_by_rig(deviations: &RigDeviations, effect: DVector<f64>) -> LoadByRi
     let where_wrong = || found.iter().zip(&errors).filter_map(|(own, error)| Some((own, (*error)?)));
     let probability: f64 = where_wrong().map(|(own, _)| own).sum();
     let size: f64 = where_wrong().map(|(own, error)| own * error).sum();
-    // A constant is wrong by as much as the load, in the other direction.
-    LoadByRig { probability, difference: -size / probability.max(f64::MIN_POSITIVE) }
+    // A constant is wrong by the same factor as the load, in the other direction; the errors are logarithms of it.
+    LoadByRig { probability, difference: libm::exp(-size / probability.max(f64::MIN_POSITIVE)) - 1.0 }
 }
 
 /// Probability that the constant which `kind` is about is at fault, by all measured constants together.
@@ -165,10 +165,11 @@ mod tests {
 
     #[test]
     fn a_bar_that_turns_all_that_follows_from_it_is_wrong() {
-        for factor in [0.87, 1.14] {
+        for factor in [0.5, 0.87, 1.14, 2.0] {
             let found = of_bar([factor, factor * 1.02, factor * 0.99, factor * 1.005]);
             assert!(found.probability > 0.9, "{found:?}");
-            assert!((found.difference + (factor - 1.0)).abs() < 0.03, "{found:?}");
+            let difference = 1.0 / factor - 1.0;
+            assert!((found.difference / difference - 1.0).abs() < 0.1, "{found:?} for {difference}");
         }
     }
 

@@ -209,7 +209,9 @@ fn the_torque_of_one_trial_with_another_sign_or_unit_is_told_by_its_number() {
         SignalCheck::SteadyTorque,
         "trial 3: the torque before the ramp of trial 3 is -1.8 N m",
     );
+    assert_named(one(-1.08), SignalCheck::SteadyTorque, "Is its sign turned?");
     assert_named(one(100.0), SignalCheck::SteadyTorque, "in another unit");
+    assert_named(one(0.1), SignalCheck::SteadyTorque, "in another unit");
     let half = |session: &mut Session| {
         session.trials.iter_mut().step_by(2).for_each(|trial| scale(&mut trial.record.torque_l_nm, -1.0));
     };

@@ -18,7 +18,10 @@ const STANDARD_DEVIATIONS: f64 = 5.0;
 /// Trials that state the same, from which on their median holds if one of them is wrong.
 const LEVEL_TRIALS: usize = 3;
 
-/// A torque this many times that of its row is in another unit: no subject is so far off, and N cm are farther.
+/// Nor does it matter how little the rows scatter where it is this many times nearer to another row than to its own.
+const NEARER: f64 = 10.0;
+
+/// A torque this many times that of its row, or this part of it, is in another unit: no subject is so far off, and N cm are farther.
 const UNIT_FACTOR: f64 = 5.0;
 
 /// What single trials say against their rows.
@@ -57,7 +60,7 @@ enum WrongRow {
     Exchanged,
     /// It is that of its own row with the sign turned.
     SignTurned,
-    /// It is many times as large.
+    /// It is many times as large, or as small.
     Unit,
 }
 
@@ -139,13 +142,16 @@ impl<'a> Levels<'a> {
             }
             // Rows whose scatters overlap tell nothing of a single trial.
             let is_at = |middle: f64| {
-                (own.measured - middle).abs() <= within && (middle - own.middle).abs() > 2.0 * within
+                let distance = (middle - own.middle).abs();
+                (own.measured - middle).abs() <= within.max(off / NEARER) && distance > 2.0 * within
             };
             let wrong = if self.trials.iter().any(|other| is_at(other.middle)) {
                 WrongRow::Exchanged
             } else if is_at(-own.middle) {
                 WrongRow::SignTurned
-            } else if off > (UNIT_FACTOR - 1.0) * own.middle.abs() {
+            } else if off > (UNIT_FACTOR - 1.0) * own.middle.abs()
+                || own.measured.abs() < own.middle.abs() / UNIT_FACTOR
+            {
                 WrongRow::Unit
             } else {
                 return None;

@@ -385,7 +385,7 @@ pub enum DatasetError {
     },
     /// The protocol in the folder is not the one that the session was begun with.
     #[error(
-        "{at}: SHA-256 {found}; expected {expected} as in the journal. Put the session's own protocol back"
+        "{at}: SHA-256 {found}; expected {expected} as in the journal: it is not the protocol that the session was run with. Put that one back"
     )]
     ProtocolChanged {
         /// The protocol.

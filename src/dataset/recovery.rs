@@ -10,10 +10,9 @@ use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
 use super::folder::Description;
-use super::hexadecimal::sha256;
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalText};
 use super::recorder::RecordNames;
-use super::stored_protocol::read_protocol;
+use super::stored_protocol::{check_unchanged, read_protocol};
 use crate::files::{excerpt, limits};
 use crate::rig::Origin;
 use crate::schedule;
@@ -68,14 +67,7 @@ impl RecoveredSession {
         check_format(format_at, &about.format, SESSION_FORMAT)?;
         let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let (protocol, text) = read_protocol(&folder)?;
-        let found = sha256(text.as_bytes());
-        if found != *protocol_sha256 {
-            return Err(DatasetError::ProtocolChanged {
-                at: FilePlace::file(folder.name("protocol.json")),
-                found,
-                expected: protocol_sha256.clone(),
-            });
-        }
+        check_unchanged(&folder, &text, protocol_sha256)?;
         let order = order(&folder)?;
         let mut settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
             at: FilePlace::file(folder.name("schedule.csv")),

@@ -1,9 +1,12 @@
 //! The protocol in a session folder.
 
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use super::csv_input::SessionFolder;
 use super::error::{DatasetError, FilePlace};
+use super::hexadecimal::sha256;
+use super::journal::{JOURNAL, JournalEntry, JournalText};
 use super::{Session, Status};
 use crate::files::limits;
 use crate::protocol::{ValidProtocol, significant};
@@ -14,13 +17,46 @@ pub const PROTOCOL: &str = "protocol.json";
 /// Reads the protocol of the session in `folder`; `None` if it has none, as a session that another program measured.
 ///
 /// # Errors
-/// If it is there and cannot be read, or is no protocol.
+/// If it is there and cannot be read, is no protocol, or is not the one with which the session was begun, as its journal has it.
 pub fn stored_protocol(folder: &Path) -> Result<Option<ValidProtocol>, DatasetError> {
     let folder = SessionFolder::open(folder)?;
     if !folder.folder().contains(PROTOCOL) {
         return Ok(None);
     }
-    read_protocol(&folder).map(|(protocol, _)| Some(protocol))
+    let (protocol, text) = read_protocol(&folder)?;
+    if let Some(begun_with) = begun_with(&folder) {
+        check_unchanged(&folder, &text, &begun_with)?;
+    }
+    Ok(Some(protocol))
+}
+
+/// SHA-256 of the protocol with which the session was begun; `None` for a session without a journal. A journal that is damaged at its first
+/// record is refused where it is needed.
+fn begun_with(folder: &SessionFolder) -> Option<String> {
+    let journal = folder.folder().open_file(JOURNAL).ok()?;
+    let mut first = Vec::new();
+    BufReader::new(journal.take(limits::SETTINGS_BYTES)).read_until(b'\n', &mut first).ok()?;
+    match JournalText::parse(&first).records.into_iter().next()?.record {
+        JournalEntry::Session { protocol_sha256, .. } => Some(protocol_sha256),
+        _ => None,
+    }
+}
+
+/// Refuses the text of a protocol that is not the one with which the session was begun.
+pub(super) fn check_unchanged(
+    folder: &SessionFolder,
+    text: &str,
+    begun_with: &str,
+) -> Result<(), DatasetError> {
+    let found = sha256(text.as_bytes());
+    if found == begun_with {
+        return Ok(());
+    }
+    Err(DatasetError::ProtocolChanged {
+        at: FilePlace::file(folder.name(PROTOCOL)),
+        found,
+        expected: begun_with.to_owned(),
+    })
 }
 
 /// Numbers of a table and of its protocol are the same to this part of them: a table may be rounded.

@@ -10,6 +10,8 @@ pub const RECORD_BYTES: u64 = 256 << 20;
 pub const ALL_RECORDS_BYTES: u64 = 1 << 30;
 /// Bytes of a file of a foreign recording, as `import` reads it.
 pub const RECORDING_BYTES: u64 = 1 << 30;
+/// Bytes of a compressed recording, such as a .mat file, after it is unpacked.
+pub const UNPACKED_BYTES: u64 = 4 << 30;
 /// Bytes of a journal.
 pub const JOURNAL_BYTES: u64 = 64 << 20;
 /// Bytes of a manifest.

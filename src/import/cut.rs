@@ -148,5 +148,10 @@ fn needed<'a>(table: &'a SourceTable, column: &str, role: &'static str) -> Resul
 fn part(table: &SourceTable, from: usize, to: usize, name: &str) -> SourceTable {
     let columns =
         table.columns.iter().map(|(name, values)| (name.clone(), values[from..to].to_vec())).collect();
-    SourceTable { name: format!("{}, {name}", table.name), columns, unusable: table.unusable.clone() }
+    SourceTable {
+        name: format!("{}, {name}", table.name),
+        columns,
+        unusable: table.unusable.clone(),
+        stated: table.stated.clone(),
+    }
 }

@@ -16,6 +16,7 @@ const MOST_SIGNALS: usize = 4096;
 /// What the header says of a signal.
 struct EdfSignal {
     label: String,
+    unit: String,
     physical: [f64; 2],
     digital: [f64; 2],
     /// Samples in a record.
@@ -79,6 +80,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
     for at in 0..signal_count {
         let signal = EdfSignal {
             label: of_signal(0, 16, at)?,
+            unit: of_signal(96, 8, at)?,
             physical: [
                 number(of_signal(104, 8, at)?, "physical minimum")?,
                 number(of_signal(112, 8, at)?, "physical maximum")?,
@@ -129,9 +131,12 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         let at = tables.iter().position(|(each, _)| *each == signal.each).unwrap_or_else(|| {
             let times = (0..values.len()).map(|sample| sample as f64 / rate_hz).collect();
             let name = format!("{}, signals of {rate_hz} Hz", path.display());
-            tables.push((signal.each, SourceTable::new(name, vec![(TIME_COLUMN.to_owned(), times)])));
+            let mut table = SourceTable::new(name, vec![(TIME_COLUMN.to_owned(), times)]);
+            table.stated.is_even = true;
+            tables.push((signal.each, table));
             tables.len() - 1
         });
+        tables[at].1.stated.units.push((signal.label.clone(), signal.unit.clone()));
         tables[at].1.columns.push((signal.label.clone(), values));
     }
     Ok(Recording { tables: tables.into_iter().map(|(_, table)| table).collect(), markers })

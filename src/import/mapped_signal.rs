@@ -105,6 +105,39 @@ impl SignalUnit {
         serde_json::to_value(self).ok().and_then(|name| name.as_str().map(str::to_owned)).unwrap_or_default()
     }
 
+    /// The unit that a file spells so: `Nm`, `N.m`, `mNm`, `deg`, `°`, `µV`. `None` for any other text.
+    pub fn spelt(text: &str) -> Option<Self> {
+        let plain: String =
+            text.chars().filter(|own| own.is_alphanumeric() || "%/°".contains(*own)).collect();
+        Some(match plain.as_str() {
+            "s" | "sec" => Self::Second,
+            "ms" | "msec" => Self::Millisecond,
+            "us" | "µs" | "μs" => Self::Microsecond,
+            "rad" => Self::Radian,
+            "mrad" => Self::Milliradian,
+            "deg" | "°" | "degree" | "degrees" => Self::Degree,
+            "rev" => Self::Revolution,
+            "rad/s2" => Self::RadianPerSecondSquared,
+            "deg/s2" | "°/s2" => Self::DegreePerSecondSquared,
+            "Nm" => Self::NewtonMetre,
+            "Ncm" => Self::NewtonCentimetre,
+            "Nmm" | "mNm" => Self::NewtonMillimetre,
+            "kgfcm" | "kgcm" => Self::KilopondCentimetre,
+            "lbfin" | "lbin" => Self::PoundInch,
+            "V" => Self::Volt,
+            "mV" => Self::Millivolt,
+            "uV" | "µV" | "μV" => Self::Microvolt,
+            _ => return None,
+        })
+    }
+
+    /// Whether both units are of the same kind of signal.
+    pub fn is_of_kind(self, other: Self) -> bool {
+        use SignalKind::{Acceleration, Angle, Emg, Time, Torque};
+        let kinds = [Time, Angle, Acceleration, Torque, Emg];
+        kinds.into_iter().any(|kind| [self, other].iter().all(|unit| kind.units().contains(unit)))
+    }
+
     /// Factor to the SI unit of its kind; EMG in volts has none, and is divided by its value at maximal effort.
     pub fn factor(self) -> f64 {
         match self {
@@ -122,6 +155,11 @@ impl SignalUnit {
 }
 
 impl MappedSignal {
+    /// The column called `column`, as it is.
+    pub fn plain(column: &str, unit: SignalUnit) -> Self {
+        Self { column: column.to_owned(), unit, sign: 1, zero: 0.0, at_mvc: None }
+    }
+
     /// A value of the column in SI units, or as a fraction of maximal effort.
     pub fn convert(&self, value: f64) -> f64 {
         f64::from(self.sign) * (value - self.zero) * self.unit.factor() / self.at_mvc.unwrap_or(1.0)

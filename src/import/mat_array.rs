@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::ImportError;
-use super::source_table::SourceTable;
+use super::source_table::{SourceTable, StatedColumns};
 
 /// A real numeric matrix, column by column.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,6 +68,7 @@ pub fn tables(path: &Path, arrays: Vec<MatArray>) -> Result<Vec<SourceTable>, Im
             .map(|array| (array.name.clone(), array.column(index).to_vec()))
             .collect(),
         unusable: unusable.clone(),
+        stated: StatedColumns::default(),
     };
     Ok((0..trials).map(table).collect())
 }

@@ -10,6 +10,7 @@ use flate2::read::ZlibDecoder;
 
 use super::error::ImportError;
 use super::mat_array::MatArray;
+use crate::files::limits;
 
 const FILE_HEADER: usize = 128;
 const MATRIX: u32 = 14;
@@ -17,8 +18,6 @@ const STRUCT_CLASS: u8 = 2;
 const COMPRESSED: u32 = 15;
 /// Classes of numeric arrays: double, single, and integers of 8 to 64 bits.
 const NUMERIC_CLASSES: std::ops::RangeInclusive<u8> = 6..=15;
-/// A file that unpacks to more than this is not read, bytes.
-const LARGEST: u64 = 1 << 32;
 
 /// Reads the real numeric arrays in `bytes`, and those in the fields of structs; `path` is for messages. Cells are passed over.
 pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
@@ -34,6 +33,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
         return Err(broken("a .mat file with the bytes in the other order"));
     }
     let mut arrays = Vec::new();
+    let mut left = limits::UNPACKED_BYTES;
     let mut rest = &bytes[FILE_HEADER..];
     while !rest.is_empty() {
         let at = bytes.len() - rest.len();
@@ -47,8 +47,11 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
         })?;
         if kind == COMPRESSED {
             let mut unpacked = Vec::new();
-            let read = ZlibDecoder::new(data).take(LARGEST).read_to_end(&mut unpacked);
+            let read = ZlibDecoder::new(data).take(left + 1).read_to_end(&mut unpacked);
             read.map_err(|_| broken("a damaged compressed element"))?;
+            left = left.checked_sub(unpacked.len() as u64).ok_or_else(|| {
+                broken(&format!("variables that unpack to more than {} GiB", limits::UNPACKED_BYTES >> 30))
+            })?;
             let (kind, matrix, _) = element(&unpacked).ok_or_else(damaged)?;
             if kind == MATRIX {
                 arrays.extend(numeric_arrays(matrix).ok_or_else(damaged)?);
@@ -68,7 +71,8 @@ fn element(bytes: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     if first >> 16 != 0 {
         // A short element has its length in the upper half of the type, and four bytes of data.
         let length = (first >> 16) as usize;
-        return Some((first & 0xffff, bytes.get(4..4 + length.min(4))?, bytes.get(8..)?));
+        let data = bytes.get(4..8)?.get(..length)?;
+        return Some((first & 0xffff, data, bytes.get(8..)?));
     }
     let length = word(4)? as usize;
     let data = bytes.get(8..8usize.checked_add(length)?)?;

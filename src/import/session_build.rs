@@ -8,6 +8,7 @@ use super::mapping::Mapping;
 use super::plausible::{check_distinct, check_own_records, check_units};
 use super::ramp_candidates::{MovingRecord, with_ramps};
 use super::ramp_way::RampWay;
+use super::recording::TIME_COLUMN;
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
 use crate::dataset::{
@@ -116,7 +117,13 @@ fn later_ramps(theta_rad: &[f64], hold_rad: f64) -> impl Iterator<Item = usize> 
 /// The sample rate that the mapping states, or that of the column of time, which must be the same in every table.
 fn sample_rate(tables: &[SourceTable], mapping: &Mapping) -> Result<f64, ImportError> {
     let not_known = |reason: String| ImportError::NoTrial { reason };
-    let measured = match &mapping.columns.time {
+    // A format that has a rate of its own needs no column in the mapping.
+    let own_clock = MappedSignal::plain(TIME_COLUMN, SignalUnit::Second);
+    let time = match &mapping.columns.time {
+        Some(time) => Some(time),
+        None => tables.iter().all(|table| table.stated.is_even).then_some(&own_clock),
+    };
+    let measured = match time {
         Some(time) => {
             tables.iter().map(|table| measured_rate(table, time, mapping)).collect::<Result<Vec<_>, _>>()?
         }
@@ -127,18 +134,17 @@ fn sample_rate(tables: &[SourceTable], mapping: &Mapping) -> Result<f64, ImportE
     })?;
     for (own_hz, table) in measured.iter().zip(tables) {
         if (own_hz - rate_hz).abs() > RATE_ROUNDING * rate_hz {
-            let advice =
-                match mapping.columns.time.as_ref().and_then(|time| time_unit(time, *own_hz, rate_hz)) {
-                    Some(unit) => format!(
-                        "is the time in {}? Then write \"unit\": \"{}\" in columns.time",
-                        unit.name(),
-                        unit.name()
-                    ),
-                    None if mapping.sample_rate_hz.is_some() => {
-                        "correct sample_rate_hz, or leave it out: the column of time says it".to_owned()
-                    }
-                    None => "import recordings of one rate".to_owned(),
-                };
+            let advice = match time.and_then(|time| time_unit(time, *own_hz, rate_hz)) {
+                Some(unit) => format!(
+                    "is the time in {}? Then write \"unit\": \"{}\" in columns.time",
+                    unit.name(),
+                    unit.name()
+                ),
+                None if mapping.sample_rate_hz.is_some() => {
+                    "correct sample_rate_hz, or leave it out: the column of time says it".to_owned()
+                }
+                None => "import recordings of one rate".to_owned(),
+            };
             return Err(not_known(format!(
                 "{}: its time has {own_hz:.6} samples a second; expected {rate_hz:.6}, as {}; {advice}",
                 table.name,
@@ -269,12 +275,27 @@ fn column<'a>(
     signal: &MappedSignal,
     role: &'static str,
 ) -> Result<&'a [f64], ImportError> {
-    table.column(&signal.column).ok_or_else(|| ImportError::NoColumn {
+    let values = table.column(&signal.column).ok_or_else(|| ImportError::NoColumn {
         table: table.name.clone(),
         why: table.why_not(&signal.column),
         role,
         columns: table.names(),
-    })
+    })?;
+    let stated = table.stated_unit(&signal.column);
+    match stated.and_then(SignalUnit::spelt) {
+        Some(unit) if unit.is_of_kind(signal.unit) && unit.factor() != signal.unit.factor() => {
+            Err(ImportError::NoTrial {
+                reason: format!(
+                    "{}: says that {:?} is in {:?}; expected that unit in the mapping, which has {:?}. Correct the mapping",
+                    table.name,
+                    signal.column,
+                    stated.unwrap_or_default(),
+                    signal.unit.name()
+                ),
+            })
+        }
+        _ => Ok(values),
+    }
 }
 
 fn trial(record: Record) -> Trial {

@@ -9,12 +9,23 @@ pub struct SourceTable {
     pub columns: Vec<(String, Vec<f64>)>,
     /// Columns of the source that cannot be used, by name, each with its reason.
     pub unusable: Vec<(String, String)>,
+    /// What the source itself says of its columns.
+    pub stated: StatedColumns,
+}
+
+/// What a source says of its columns, beside their names.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StatedColumns {
+    /// Whether the column of time is of samples that the format itself says to be even.
+    pub is_even: bool,
+    /// Units as the source spells them, by column.
+    pub units: Vec<(String, String)>,
 }
 
 impl SourceTable {
     /// A table all of whose columns can be used.
     pub fn new(name: String, columns: Vec<(String, Vec<f64>)>) -> Self {
-        Self { name, columns, unusable: Vec::new() }
+        Self { name, columns, unusable: Vec::new(), stated: StatedColumns::default() }
     }
 
     /// The column called `name`, if it is the only one.
@@ -24,6 +35,11 @@ impl SourceTable {
             (Some((_, values)), None) => Some(values),
             _ => None,
         }
+    }
+
+    /// The unit that the source gives the column called `name`, as it spells it.
+    pub fn stated_unit(&self, name: &str) -> Option<&str> {
+        self.stated.units.iter().find(|(own, _)| own == name).map(|(_, unit)| unit.as_str())
     }
 
     /// Why there is no column called `name` to use, for a message.

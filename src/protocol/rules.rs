@@ -10,6 +10,8 @@ mod rig_trials;
 
 use std::collections::HashSet;
 
+use serde_json::Value;
+
 use super::source::{JsonContent, JsonNode};
 use super::units::significant;
 use super::{Problem, Protocol};
@@ -118,6 +120,12 @@ impl Rules<'_> {
                 significant(SLOWEST_CUTOFF_HZ)
             );
             self.add("signal.filter.cutoff_hz", expected, "the paper's is 50".to_owned());
+        }
+        if self.document.at("signal.filter.zero_phase").is_some_and(|own| own.value() == Value::Bool(true)) {
+            let expected = "false: a filter that runs forwards and backwards carries torque from after the window, where reflexes \
+                            are, into it"
+                .to_owned();
+            self.add("signal.filter.zero_phase", expected, "write false here".to_owned());
         }
         let Some(rate_hz) = self.number("signal.sample_rate_hz") else { return };
         if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz >= rate_hz / 2.0) {

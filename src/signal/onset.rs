@@ -4,6 +4,10 @@
 /// looked at, a ramp that rises with the third power of time moves by more than twice as much.
 const STILL: f64 = 2.5e-3;
 
+/// A motor that stands still between two steps of its encoder may read either: the reading is at rest within this number of steps, more than
+/// one and less than two.
+const RESTING_STEPS: f64 = 1.25;
+
 /// Index of the last sample at rest before the ramp: the search goes back from the sample at a tenth of the whole movement to the last
 /// sample within the noise of the rest before.
 ///
@@ -36,8 +40,14 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
     let stands_still = !close.is_empty() && spread(close) < STILL * way.abs();
     let near = if moved < 18 * second_tenth && stands_still { close } else { far };
     let (level, spread) = (mean(near), spread(near));
-    let band = spread.max(3e-4 * way.abs());
+    let band = spread.max(3e-4 * way.abs()).max(RESTING_STEPS * smallest_step(&theta_rad[..moved]));
     theta_rad[..moved].iter().rposition(|x| (x - level) * way.signum() <= band)
+}
+
+/// Smallest change from one sample to the next: a step of the encoder, or next to nothing where there are no steps.
+fn smallest_step(values: &[f64]) -> f64 {
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    changes.filter(|change| *change > 0.0).min_by(f64::total_cmp).unwrap_or(0.0)
 }
 
 /// Largest distance from the mean.
@@ -83,6 +93,23 @@ mod tests {
             .collect();
         let found = onset(&drifting).unwrap();
         assert!((1200..1208).contains(&found), "{found}");
+    }
+
+    /// It was found 34 ms early: a step was beyond the band, and nothing came back from it.
+    #[test]
+    fn an_encoder_that_reads_its_next_step_before_the_ramp_has_not_begun_it() {
+        for bits in [13, 14, 17, 20] {
+            let step = std::f64::consts::TAU / f64::from(1 << bits);
+            for velocity in [1.3, 3.25, -2.0] {
+                let mut stepped: Vec<f64> =
+                    ramp(1200, velocity, 0.0).iter().map(|angle| (angle / step).round() * step).collect();
+                stepped[1115..1200].iter_mut().for_each(|angle| *angle += step * velocity.signum());
+                let found = onset(&stepped).unwrap();
+                // The time that it takes to move by two steps.
+                let late = 2 + (libm::sqrt(2.5 * step * 0.04 / velocity.abs()) / 4e-4) as usize;
+                assert!((1199..1200 + late).contains(&found), "{bits} bits, {velocity} rad/s: {found}");
+            }
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Assembling `study.csv` from the parts, and its summary over subjects, with one subject in memory at a time.
 
-use std::collections::BTreeMap;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use super::condition_grid::ConditionGrid;
 use super::error::{StudyError, StudyIssue};
 use super::part::{StudyPart, header};
 use super::plan::Study;
-use super::table_reader::{CellMeans, StudyTableReader, SubjectRows, TABLE_FILE};
+use super::table_reader::{CellMeans, StudyRow, StudyTableReader, SubjectRows, TABLE_FILE};
 use crate::files::Folder;
 use crate::fit::QUANTITIES;
 use crate::statistics::{MeanCovariance, MeanVariance};
@@ -40,6 +39,8 @@ pub struct StudySummary {
     pub subjects: u64,
     /// Largest number of sessions of a subject.
     pub sessions: u32,
+    /// Subject and number of the sessions that are in study.csv and in no other table, sorted.
+    pub excluded: Vec<(String, u32)>,
     /// By quantity: means and covariance over the subjects who have all cells.
     pub complete: Vec<MeanCovariance>,
     /// By quantity and cell: mean and variance over the subjects who have a value there.
@@ -84,30 +85,35 @@ pub enum TableOrigin {
     External,
 }
 
-/// Summarises a table, reading it twice: for its conditions, then for its values. `excluded` tells which subject's session is left
-/// out; `issues` are those known already.
+/// Summarises a table, reading it twice: for its conditions, then for its values. `earlier` are sessions that are left out beside those
+/// that the table itself excludes; `issues` are those known already.
 pub fn summarise(
     table: &Path,
     origin: TableOrigin,
-    excluded: impl Fn(&str, u32) -> bool,
+    earlier: &[(String, u32)],
     issues: Vec<StudyIssue>,
 ) -> Result<StudySummary, StudyError> {
+    let is_left_out = |subject: &str, row: &StudyRow| {
+        row.is_excluded || earlier.iter().any(|(own, session)| own == subject && *session == row.session)
+    };
     let keep_included = |subject_rows: &mut SubjectRows| {
         let subject = subject_rows.subject.clone();
-        subject_rows.rows.retain(|row| !excluded(&subject, row.session));
+        subject_rows.rows.retain(|row| !is_left_out(&subject, row));
         !subject_rows.rows.is_empty()
     };
+    let mut excluded = BTreeSet::new();
     let mut designs: BTreeMap<Vec<(u64, u64)>, u64> = BTreeMap::new();
     let mut sessions = 0;
     let mut measured = [false; QUANTITIES.len()];
     let (mut independent, mut has_session_fits) = (Vec::new(), false);
     for subject in StudyTableReader::open(table)? {
         let mut subject = subject?;
+        let left_out = subject.rows.iter().filter(|row| is_left_out(&subject.subject, row));
+        excluded.extend(left_out.map(|row| (subject.subject.clone(), row.session)));
         if !keep_included(&mut subject) {
             continue;
         }
-        let bits =
-            |row: &super::table_reader::StudyRow| (row.condition.0.to_bits(), row.condition.1.to_bits());
+        let bits = |row: &StudyRow| (row.condition.0.to_bits(), row.condition.1.to_bits());
         let mut own: Vec<_> = subject.rows.iter().map(bits).collect();
         own.sort_unstable();
         own.dedup();
@@ -131,6 +137,12 @@ pub fn summarise(
     let conditions = commonest.map_or(Vec::new(), |(conditions, _)| conditions);
     let grid = ConditionGrid::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
     let mut summary = StudySummary::new(grid, sessions, issues, measured);
+    summary.excluded = excluded.into_iter().collect();
+    if origin == TableOrigin::External {
+        for (subject, session) in summary.excluded.clone() {
+            summary.report(StudyIssue::ExcludedInTable { subject, session });
+        }
+    }
     let stride = subjects.div_ceil(KEPT_INDIVIDUALS).max(1);
     // Values of both fits do not belong in one table.
     let left_out: HashSet<(String, u32)> =
@@ -181,6 +193,7 @@ impl StudySummary {
             measured,
             subjects: 0,
             sessions,
+            excluded: Vec::new(),
             individuals: Vec::new(),
             issue_count: issues.len() as u64,
             issues,

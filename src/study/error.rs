@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::consistency::Contradictions;
 use crate::dataset::{DatasetError, RecordError};
-use crate::fit::PreprocessingError;
+use crate::fit::{DESCRIBING_VAF, PreprocessingError};
 use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::rig::Fault;
@@ -131,6 +131,15 @@ pub enum UnitError {
     /// The signals of the session contradict its table.
     #[error(transparent)]
     Contradicts(#[from] Contradictions),
+    /// The fit means nothing.
+    #[error(
+        "the model does not describe the session: the best VAF of any trial is {best_vaf:.2}, below {DESCRIBING_VAF}; look at it with: \
+         ramphold fit, and correct what the report shows"
+    )]
+    NotDescribed {
+        /// Largest share of the variance that the model accounts for in a trial.
+        best_vaf: f64,
+    },
     /// The session cannot be preprocessed for the fit.
     #[error(transparent)]
     Prepare(#[from] PreprocessingError),
@@ -212,6 +221,16 @@ pub enum StudyIssue {
         subject: String,
         /// Where the second appearance is.
         place: String,
+    },
+    /// A session that the table itself leaves out.
+    #[error(
+        "{subject}, session {session}: is excluded in study.csv (column excluded) and is in no other table"
+    )]
+    ExcludedInTable {
+        /// The subject's identifier.
+        subject: String,
+        /// Number of the session of the subject.
+        session: u32,
     },
     /// An identifier that is probably a slip of another.
     #[error(

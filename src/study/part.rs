@@ -38,9 +38,12 @@ pub struct PartContents {
     pub sha256: String,
 }
 
+/// Name of the column that says whether a session is in study.csv and in no other table.
+pub const EXCLUDED: &str = "excluded";
+
 /// The header line of `study.csv`.
 pub fn header() -> String {
-    format!("subject,{},session,fit\n", fit_header())
+    format!("subject,{},session,fit,{EXCLUDED}\n", fit_header())
 }
 
 impl StudyPart {
@@ -116,7 +119,13 @@ fn file_text(study: &Study, part: u64, storage: SessionStorage, done: impl Fn() 
             let subject = csv_cell(&unit.subject.replace(['\n', '\r'], " "));
             rows.map(|UnitEstimates { trials, fit }| {
                 let line = |estimate: &TrialEstimate| {
-                    format!("{subject},{},{},{}\n", fit_row(estimate), unit.session, fit.name())
+                    format!(
+                        "{subject},{},{},{},{}\n",
+                        fit_row(estimate),
+                        unit.session,
+                        fit.name(),
+                        unit.is_excluded
+                    )
                 };
                 trials.iter().map(line).collect()
             })

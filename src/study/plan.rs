@@ -71,6 +71,8 @@ pub struct Unit<'a> {
     pub subject: String,
     /// Number of the session of this subject, from 1.
     pub session: u32,
+    /// Whether the session is in study.csv and in no other table.
+    pub is_excluded: bool,
     /// Where the session comes from.
     pub source: UnitSource<'a>,
 }
@@ -179,26 +181,14 @@ impl Study {
                     seed: Stream::new(self.seed, &name).bits() >> 32,
                     order_number: index as u32 + 1,
                 };
-                Unit { index, subject: subject_id(number), session, source }
+                Unit { index, subject: subject_id(number), session, is_excluded: false, source }
             }
             StudySource::Measured(units) => {
                 let unit = &units[index as usize];
-                let (subject, session) = (unit.subject.clone(), unit.session);
-                Unit { index, subject, session, source: UnitSource::Measured(&unit.folder) }
+                let (subject, session, is_excluded) = (unit.subject.clone(), unit.session, unit.excluded);
+                Unit { index, subject, session, is_excluded, source: UnitSource::Measured(&unit.folder) }
             }
         }
-    }
-
-    /// Subject and session number of the sessions that are in study.csv but in no other table, sorted.
-    pub fn excluded_sessions(&self) -> Vec<(String, u32)> {
-        let StudySource::Measured(units) = &self.source else { return Vec::new() };
-        let mut excluded: Vec<(String, u32)> = units
-            .iter()
-            .filter(|unit| unit.excluded)
-            .map(|unit| (unit.subject.clone(), unit.session))
-            .collect();
-        excluded.sort();
-        excluded
     }
 
     /// Changes the population of virtual subjects; a study of measured sessions stays as it is.

@@ -87,22 +87,18 @@ impl StudyFolder {
     pub fn write_tables(&self, study: &Study) -> Result<(StudySummary, ResultTables), StudyError> {
         let failed = assemble_table(study, &self.path)?;
         let issues: Vec<StudyIssue> = study.issues.iter().cloned().chain(failed).collect();
-        let excluded = study.excluded_sessions();
-        let is_excluded = |subject: &str, session: u32| {
-            excluded.binary_search_by(|(s, n)| (s.as_str(), *n).cmp(&(subject, session))).is_ok()
-        };
-        let summary = summarise(&self.path.join(TABLE_FILE), TableOrigin::ThisProgram, is_excluded, issues)?;
+        let summary = summarise(&self.path.join(TABLE_FILE), TableOrigin::ThisProgram, &[], issues)?;
         let tables = ResultTables::of(&summary);
         let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units(),
             "virtual": study.protocol().is_some() });
-        write(&self.path, &summary, &tables, &about, &excluded)?;
+        write(&self.path, &summary, &tables, &about)?;
         Ok((summary, tables))
     }
 }
 
 /// Computes the tables from an existing `study.csv`, which may have been edited, and writes them into `folder`.
 pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, ResultTables), StudyError> {
-    let summary = summarise(table, TableOrigin::External, |_, _| false, Vec::new())?;
+    let summary = summarise(table, TableOrigin::External, &[], Vec::new())?;
     let tables = ResultTables::of(&summary);
     let is_taken = |name: &str| files::exists(&folder.join(name));
     if is_taken(RESULTS_FILE) || is_taken(TABLE_FILE) || tables.files.iter().any(|table| is_taken(table.name))
@@ -115,7 +111,7 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
     }
     files::make_folders(folder).map_err(StudyError::at(folder))?;
     copy_table(table, folder)?;
-    write(folder, &summary, &tables, &json!({}), &[])?;
+    write(folder, &summary, &tables, &json!({}))?;
     Ok((summary, tables))
 }
 
@@ -157,7 +153,6 @@ fn write(
     summary: &StudySummary,
     tables: &ResultTables,
     about: &Value,
-    excluded: &[(String, u32)],
 ) -> Result<(), StudyError> {
     for table in &tables.files {
         let path = folder.join(table.name);
@@ -179,7 +174,7 @@ fn write(
         "persons_with_all_conditions": complete,
         "velocities_rad_s": summary.grid.velocities_rad_s,
         "torques_nm": summary.grid.torques_nm,
-        "excluded_sessions": excluded,
+        "excluded_sessions": summary.excluded,
         "problem_count": summary.issue_count,
         "problems": issues,
     });

@@ -84,14 +84,11 @@ impl StudyResults {
             let (field, found) = ("format".to_owned(), file.format);
             return Err(StudyError::Value { file: path, field, found, expected: RESULTS_FORMAT });
         }
-        let is_excluded = |subject: &str, session: u32| {
-            file.excluded_sessions.iter().any(|(own, number)| own == subject && *number == session)
-        };
         let (origin, table) = match file.study.name {
             Some(_) => (TableOrigin::ThisProgram, folder.join(TABLE_FILE)),
             None => (TableOrigin::External, folder.join(INPUT_FOLDER).join(TABLE_FILE)),
         };
-        let summary = summarise(&table, origin, is_excluded, Vec::new())?;
+        let summary = summarise(&table, origin, &file.excluded_sessions, Vec::new())?;
         Ok(Self {
             tables: ResultTables::of(&summary),
             name: file.study.name,

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::error::StudyError;
+use super::part::EXCLUDED;
 use super::study_file::StudyFit;
 use crate::files::{self, text_of_cell};
 use crate::fit::QUANTITIES;
@@ -21,6 +22,8 @@ pub struct StudyRow {
     pub condition: (f64, f64),
     /// Whether the values are those of each trial on its own.
     pub is_independent: bool,
+    /// Whether the session is in study.csv and in no other table.
+    pub is_excluded: bool,
     /// Values in the order of [`QUANTITIES`]; `None` where missing or where the fit did not converge.
     pub values: [Option<f64>; QUANTITIES.len()],
 }
@@ -52,6 +55,7 @@ struct StudyColumns {
     session: Option<usize>,
     converged: Option<usize>,
     fit: Option<usize>,
+    excluded: Option<usize>,
     quantities: [Option<usize>; QUANTITIES.len()],
 }
 
@@ -88,6 +92,7 @@ impl StudyTableReader {
             session: find("session"),
             converged: find("converged"),
             fit: find("fit"),
+            excluded: find(EXCLUDED),
             quantities: QUANTITIES.map(find),
         };
         let mut rows = Self {
@@ -148,7 +153,12 @@ impl StudyTableReader {
         let velocity = self.number("velocity_rad_s", self.columns.velocity)?;
         let torque = self.number("torque_nm", self.columns.torque)?;
         let is_independent = self.columns.fit.is_none_or(|place| text(place) == StudyFit::Independent.name());
-        Ok(StudyRow { session, is_independent, condition: (velocity, torque), values })
+        let is_excluded = match self.columns.excluded.map(text) {
+            None | Some("" | "false") => false,
+            Some("true") => true,
+            Some(other) => return Err(self.wrong(EXCLUDED, other, "true or false")),
+        };
+        Ok(StudyRow { session, is_independent, is_excluded, condition: (velocity, torque), values })
     }
 
     fn subject(&self) -> &str {
@@ -172,7 +182,8 @@ impl StudyTableReader {
 /// Whether a column of this name is read.
 fn is_known(column: &str) -> bool {
     QUANTITIES.contains(&column)
-        || ["subject", "velocity_rad_s", "torque_nm", "session", "converged", "fit"].contains(&column)
+        || ["subject", "velocity_rad_s", "torque_nm", "session", "converged", "fit", EXCLUDED]
+            .contains(&column)
 }
 
 impl Iterator for StudyTableReader {

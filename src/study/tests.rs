@@ -199,7 +199,7 @@ fn all_cells(subject: &'static str, level: f64) -> Vec<(&'static str, u32, f64, 
 
 fn summary(rows: &[(&str, u32, f64, f64, f64)]) -> StudySummary {
     let (_folder, path) = table(rows);
-    summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap()
+    summarise(&path, TableOrigin::External, &[], Vec::new()).unwrap()
 }
 
 #[test]
@@ -222,11 +222,11 @@ fn a_session_without_a_model_is_in_no_table_of_sessions_that_have_one() {
         }
     }
     fs::write(&path, &text).unwrap();
-    let summary = summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap();
+    let summary = summarise(&path, TableOrigin::External, &[], Vec::new()).unwrap();
     assert_eq!(summary.complete[K_SRS].count(), 2);
     assert!(issues(&summary).contains("B, session 1: the session has no model"), "{}", issues(&summary));
     fs::write(&path, text.replace(",true,1,session", ",true,1,independent")).unwrap();
-    let alike = summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap();
+    let alike = summarise(&path, TableOrigin::External, &[], Vec::new()).unwrap();
     assert!(issues(&alike).is_empty(), "{}", issues(&alike));
 }
 
@@ -236,7 +236,7 @@ fn a_column_that_was_renamed_is_refused_instead_of_left_out() {
     let text = fs::read_to_string(&path).unwrap();
     let read = |header: &str| {
         fs::write(&path, text.replace("k_srs_nm_per_rad", header)).unwrap();
-        summarise(&path, TableOrigin::External, |_, _| false, Vec::new())
+        summarise(&path, TableOrigin::External, &[], Vec::new())
     };
     for renamed in ["k_srs", "k_srs_nm_rad", "k_srs_Nm_per_rad"] {
         let error = read(renamed).unwrap_err().to_string();
@@ -342,8 +342,7 @@ fn an_invalid_table_is_refused_with_line_and_column() {
         ("subject,velocity_rad_s,torque_nm\nA,1\n", "line 2"),
     ] {
         fs::write(&path, text).unwrap();
-        let error =
-            summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap_err().to_string();
+        let error = summarise(&path, TableOrigin::External, &[], Vec::new()).unwrap_err().to_string();
         assert!(error.contains(part), "{part:?} is not in: {error}");
     }
 }

@@ -10,8 +10,8 @@ use super::study_file::StudyFit;
 use crate::consistency;
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
 use crate::fit::{
-    Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, estimates_without_profiles,
-    session_estimates,
+    DESCRIBING_VAF, Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate,
+    estimates_without_profiles, session_estimates,
 };
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{LOAD_CHANGE_S, Person, Setup, VirtualWrist};
@@ -87,13 +87,18 @@ fn fit_session(
     if study.fit == StudyFit::Session
         && let Ok(of_session) = SessionFit::new(&prepared, &independent)
     {
-        return Ok(UnitEstimates {
-            trials: session_estimates(&prepared, &of_session).0,
-            fit: StudyFit::Session,
-        });
+        return described(session_estimates(&prepared, &of_session).0, StudyFit::Session);
     }
-    let trials = estimates_without_profiles(&prepared, &independent);
-    Ok(UnitEstimates { trials, fit: StudyFit::Independent })
+    described(estimates_without_profiles(&prepared, &independent), StudyFit::Independent)
+}
+
+/// The estimates of a session, unless the model describes none of its trials.
+fn described(trials: Vec<TrialEstimate>, fit: StudyFit) -> Result<UnitEstimates, UnitError> {
+    let best_vaf = trials.iter().map(|estimate| estimate.vaf).fold(f64::NEG_INFINITY, f64::max);
+    if best_vaf < DESCRIBING_VAF {
+        return Err(UnitError::NotDescribed { best_vaf });
+    }
+    Ok(UnitEstimates { trials, fit })
 }
 
 /// Simulates the session of a virtual unit; `None` for a measured one.

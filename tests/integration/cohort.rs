@@ -231,6 +231,29 @@ fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
     );
 }
 
+/// It was in all means with a VAF of -815.
+#[test]
+fn a_session_that_the_model_does_not_describe_is_in_no_table() {
+    let workspace = measured();
+    let about = workspace.path("measured/S03/session.json");
+    let mut card: Value = serde_json::from_slice(&fs::read(&about).unwrap()).unwrap();
+    card["rig"]["lever"]["inertia_kg_m2"] = json!(0.16);
+    card["rig"]["lever"]["stiffness_nm_per_rad"] = json!(9000.0);
+    fs::write(&about, card.to_string()).unwrap();
+    for fit in ["session", "independent"] {
+        let mut study: Value =
+            serde_json::from_slice(&fs::read(workspace.path("study.json")).unwrap()).unwrap();
+        study["fit"] = json!(fit);
+        workspace.write("study.json", &study);
+        workspace.refuse(
+            1,
+            &["cohort", "study.json", "--seed", "1", "--out", fit],
+            &["S03, session 1: the model does not describe the session: the best VAF"],
+        );
+        assert!(!fs::read_to_string(workspace.path(&format!("{fit}/study.csv"))).unwrap().contains("S03"));
+    }
+}
+
 /// It made five subjects of four, and the effects more significant than they are.
 #[test]
 fn a_session_under_two_names_counts_once() {
@@ -287,6 +310,14 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
     );
     let means = fs::read_to_string(workspace.path("out/means.csv")).unwrap();
     assert!(means.contains("k_srs_nm_per_rad,1.3,0.9,3,"), "{means}");
+
+    // They stay out when the tables are made of study.csv again.
+    workspace.refuse(
+        1,
+        &["cohort", "out/study.csv", "--out", "again"],
+        &["S01, session 2: is excluded in study.csv", "S04, session 1: is excluded in study.csv"],
+    );
+    assert_eq!(fs::read_to_string(workspace.path("again/means.csv")).unwrap(), means);
 
     // The same two sessions as repeated measurements of one person.
     workspace.write(

@@ -204,6 +204,10 @@ fn fields_that_contradict_each_other_are_named() {
         &["signal.filter.cutoff_hz is 0.05", "from 3.979 Hz up", "nothing of the 40 ms"],
     );
     assert_problem(
+        |p| p["signal"]["filter"]["zero_phase"] = json!(true),
+        &["signal.filter.zero_phase is true", "write false here"],
+    );
+    assert_problem(
         |p| p["signal"]["filter"]["order"] = json!(0),
         &["signal.filter.order is 0", "from 1 to 10"],
     );

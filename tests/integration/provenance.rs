@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 
 use crate::fit_input::sound;
-use crate::workspace::{Workspace, copy_folder, files};
+use crate::workspace::{QUICK, Workspace, copy_folder, files};
 
 fn page(workspace: &Workspace, folder: &str) -> String {
     fs::read_to_string(workspace.path(folder).join("report.html")).unwrap()
@@ -115,6 +115,22 @@ fn trials_are_listed_without_the_numbers_of_a_fit_of_before() {
     assert!(told.contains("the fit was made before the session was changed"), "{told}");
     let vafs = listed.lines().skip(1).filter_map(|line| line.split_whitespace().nth(5));
     assert!(vafs.into_iter().all(|vaf| vaf == "-"), "{listed}");
+}
+
+/// A filter of 15 Hz that nobody had run made a stiffness of 63 N m/rad of 15.
+#[test]
+fn a_protocol_that_the_session_was_not_run_with_is_refused() {
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "1", "--out", "s"]);
+    let path = workspace.path("s/protocol.json");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace("\"cutoff_hz\": 50", "\"cutoff_hz\": 15")).unwrap();
+    let before = fs::read(workspace.path("s/results/fit.csv")).unwrap();
+    for verb in ["fit", "diagnose", "design"] {
+        let (_, told) = workspace.call(2, &[verb, "s"]);
+        assert!(told.contains("protocol.json") && told.contains("Put that one back"), "{verb}: {told}");
+    }
+    assert_eq!(fs::read(workspace.path("s/results/fit.csv")).unwrap(), before);
 }
 
 #[test]

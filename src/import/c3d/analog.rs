@@ -37,6 +37,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         Ok(rate_hz) => {
             let times_s = (0..samples).map(|sample| sample as f64 / rate_hz).collect();
             table.columns.push((TIME_COLUMN.to_owned(), times_s));
+            table.stated.is_even = true;
         }
         Err(reason) => table.unusable.push((TIME_COLUMN.to_owned(), reason.clone())),
     }

@@ -6,7 +6,8 @@ use std::fs;
 use std::path::Path;
 
 use super::{
-    ImportedSession, LongRecord, MappedSignal, Mapping, SignalUnit, SourceTable, import, read_source,
+    ImportedSession, LongRecord, MappedSignal, Mapping, SignalUnit, SourceTable, TIME_COLUMN, import,
+    read_source,
 };
 use crate::consistency::contradictions;
 use crate::dataset;
@@ -303,6 +304,35 @@ fn times_of_another_unit_or_rate_are_refused_with_what_to_write() {
         told.contains("expected 1200") && told.contains("correct sample_rate_hz, or leave it out"),
         "{told}"
     );
+}
+
+/// A recording that the format says to be of 1000 Hz was taken for one of 2000, and N mm for N cm.
+#[test]
+fn what_a_format_says_of_its_rate_and_units_holds_against_the_mapping() {
+    let tables = || {
+        [1.3, 2.6].map(|speed| {
+            let [time_ms, angle, torque] = columns(speed);
+            let time_s = time_ms.iter().map(|own| own / 1e3).collect();
+            let mut own = table("t.bdf", [time_s, angle, torque]);
+            own.columns[0].0 = TIME_COLUMN.to_owned();
+            own.stated.is_even = true;
+            own.stated.units = vec![("Tq".into(), "N.cm".into()), ("Pos".into(), "uV".into())];
+            own
+        })
+    };
+    let without_time = || {
+        let mut own = mapping();
+        own.columns.time = None;
+        own
+    };
+    assert_two_trials(&import(tables().to_vec(), &without_time()).unwrap());
+    let other_rate = Mapping { sample_rate_hz: Some(2000.0), ..without_time() };
+    let told = import(tables().to_vec(), &other_rate).unwrap_err().to_string();
+    assert!(told.contains("its time has 1000.000000 samples a second; expected 2000"), "{told}");
+    let mut other_unit = tables();
+    other_unit.iter_mut().for_each(|own| own.stated.units[0].1 = "mNm".into());
+    let told = import(other_unit.to_vec(), &without_time()).unwrap_err().to_string();
+    assert!(told.contains("says that \"Tq\" is in \"mNm\"") && told.contains("\"N cm\""), "{told}");
 }
 
 #[test]
