@@ -14,7 +14,9 @@ use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
 use crate::attach::attached_emg;
-use crate::dataset::{self, Amendments, JOURNAL, RecordedRig, Session, SessionCard, recorded_rig};
+use crate::dataset::{
+    self, Amendments, JOURNAL, RecordedRig, Session, SessionCard, every_trial_is_done, recorded_rig,
+};
 use crate::files::{Folder, is_refusal, limits};
 use crate::fit::{DESCRIBING_VAF, ExcludedTrial, FIT_FORMAT, PreprocessingSettings};
 use crate::json_file;
@@ -29,6 +31,8 @@ pub struct ReportInput {
     pub card: SessionCard,
     /// Whether nobody was measured: the wrist is a virtual one.
     pub is_virtual: bool,
+    /// Whether trials of the protocol are left to do.
+    pub is_unfinished: bool,
     /// Its protocol.
     pub protocol: Option<ValidProtocol>,
     /// Gate times, duration and incidents, from the journal.
@@ -112,6 +116,15 @@ impl ReportInput {
         let opened = open(folder)?;
         let is_virtual = recorded_rig(folder)? == Some(RecordedRig::VirtualWrist);
         let journal = text(&opened, JOURNAL, limits::JOURNAL_BYTES)?;
+        // A journal that cannot be followed is reported by `resume` and `replay`.
+        let is_unfinished = journal.is_some() && every_trial_is_done(folder).is_ok_and(|done| !done);
+        if is_unfinished {
+            missing.push(
+                "The session is unfinished: trials of its protocol are left to do, and all that is here is of the trials so far. Go on \
+                 with: ramphold resume SESSION"
+                    .into(),
+            );
+        }
         let times = journal.map(|text| times(&text, session.sample_rate_hz));
         let lateness = lateness(&opened, &mut missing)?;
         let mut fitted = read_fit(results)?;
@@ -164,6 +177,7 @@ impl ReportInput {
             session,
             card,
             is_virtual,
+            is_unfinished,
             protocol,
             times,
             lateness,

@@ -3,11 +3,13 @@
 mod filter;
 mod noise_covariance;
 mod onset;
+mod restoration;
 mod sinusoid;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter};
 pub use noise_covariance::NoiseCovariance;
 pub use onset::onset;
+pub use restoration::Restoration;
 pub use sinusoid::Sinusoid;
 
 /// A low-pass below this cut-off, Hz, has a time constant above the 40 ms that are analysed after an onset: of a ramp nothing is left in it.

@@ -10,7 +10,7 @@ use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
 use crate::protocol::Protocol;
-use crate::signal::{FilterError, FilterSpec, filter, onset};
+use crate::signal::{FilterError, FilterSpec, Restoration, Section, filter, onset};
 use crate::wrist::mechanisms::Covariates;
 use crate::wrist::{self, Smoothing};
 
@@ -58,7 +58,8 @@ impl Observations {
         Self::of_rig(session, settings, RigConstants::stated(session.lever))
     }
 
-    /// As [`Observations::new`], where `constants` are those of the rig.
+    /// As [`Observations::new`], where `constants` are those of the rig. A filter that the rig applied before it recorded is taken out of both
+    /// channels, and takes the place of the one in `settings`.
     ///
     /// # Errors
     /// As [`Observations::new`], or if the nonlinearity of the torque channel cannot be taken out of the records.
@@ -67,14 +68,31 @@ impl Observations {
         settings: PreprocessingSettings,
         constants: RigConstants,
     ) -> Result<Self, PreprocessingError> {
-        let period_s = 1.0 / session.sample_rate_hz;
-        let sections = match session.recorded_filter {
-            Some(_) => Vec::new(),
-            None => settings.filter.sections(session.sample_rate_hz)?,
+        let Some(recorded) = session.recorded_filter else {
+            if settings.filter.zero_phase() {
+                return Err(PreprocessingError::ZeroPhase);
+            }
+            let sections = settings.filter.sections(session.sample_rate_hz)?;
+            return Self::of_records(session, settings, sections, constants);
         };
-        if session.recorded_filter.is_none() && settings.filter.zero_phase() {
-            return Err(PreprocessingError::ZeroPhase);
+        let settings = PreprocessingSettings { filter: recorded, ..settings };
+        match Restoration::of(recorded, session.sample_rate_hz)? {
+            Some(restoration) => {
+                let sections = recorded.sections(session.sample_rate_hz)?;
+                Self::of_records(&restored(session, &restoration), settings, sections, constants)
+            }
+            None => Self::of_records(session, settings, Vec::new(), constants),
         }
+    }
+
+    /// Prepares records that the rig did not filter; `sections` are those of the filter of `settings`, or none if nothing is to be filtered.
+    fn of_records(
+        session: &Session,
+        settings: PreprocessingSettings,
+        sections: Vec<Section>,
+        constants: RigConstants,
+    ) -> Result<Self, PreprocessingError> {
+        let period_s = 1.0 / session.sample_rate_hz;
         if !(settings.window_s > 0.0 && settings.window_s <= limits::MAX_WINDOW_S) {
             return Err(PreprocessingError::Window { window_s: settings.window_s });
         }
@@ -82,7 +100,6 @@ impl Observations {
         if samples < MIN_SAMPLES {
             return Err(PreprocessingError::WindowTooShort { window_s: settings.window_s, samples });
         }
-        let filter_in_force = session.recorded_filter.unwrap_or(settings.filter);
         let further = unscaled(session.further_channels());
         let mut observations = Self {
             lever: constants.lever,
@@ -96,7 +113,7 @@ impl Observations {
             trials: Vec::new(),
             excluded_trials: Vec::new(),
             emg_gaps: EmgGaps::default(),
-            stride: noise_stride(session.sample_rate_hz, filter_in_force, samples),
+            stride: noise_stride(session.sample_rate_hz, settings.filter, samples),
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
             angle_smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
@@ -229,6 +246,18 @@ impl Observations {
         self.take_friction(&mut observation);
         Ok(observation)
     }
+}
+
+/// The session with angle and torque as they were before the filter of the rig.
+fn restored(session: &Session, restoration: &Restoration) -> Session {
+    let mut session = session.clone();
+    for trial in &mut session.trials {
+        let record = &mut trial.record;
+        for channel in [&mut record.theta_m_rad, &mut record.torque_l_nm] {
+            *channel = restoration.restored(channel);
+        }
+    }
+    session
 }
 
 /// Sample at which the ramp of a trial begins: the onset that the session gives, otherwise the onset detected in the motor

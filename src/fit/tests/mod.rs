@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::dataset::{Record, Session, Status, Subject, Trial};
 use crate::random::Stream;
+use crate::signal::{self, FilterSpec};
 use crate::statistics::upper_median;
 use crate::wrist::{
     self, FurtherChannel, Lever, ScaledChannel, SimulatedTorque, SimulationSettings, VectorWidth,

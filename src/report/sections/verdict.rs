@@ -55,6 +55,9 @@ fn virtual_wrist(input: &ReportInput) -> String {
 
 /// What a reader must know before any number: a model that describes nothing, and contradictions that were accepted.
 fn warnings(section: &mut ReportSection, input: &ReportInput) {
+    if input.is_unfinished {
+        statement(section, "The session is unfinished: what follows is of the trials so far.", "");
+    }
     let Some(fitted) = &input.fitted else { return };
     if let Some(best) = fitted.best_vaf().filter(|best| *best < DESCRIBING_VAF) {
         statement(
