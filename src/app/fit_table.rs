@@ -3,7 +3,8 @@
 use std::io::Write;
 
 use crate::fit::{
-    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, reflex_warning, torque_falls,
+    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, plain_warning, reflex_warning,
+    torque_falls,
 };
 use crate::report::SHOWN;
 use crate::wrist::BASE_PARAMETERS;
@@ -56,6 +57,9 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         .as_f64()
         .and_then(|window_s| reflex_warning(window_s, &results.json["model"]))
     {
+        writeln!(out, "{warning}")?;
+    }
+    if let Some(warning) = plain_warning(&results.json["settings"]["weighting"]) {
         writeln!(out, "{warning}")?;
     }
     let several: Vec<&TrialEstimate> =

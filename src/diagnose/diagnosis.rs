@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use super::across_trials::covariate_regression::with_effect_in_parameters;
 use super::across_trials::elastic_limit_law::{ElasticLimitLaw, elastic_limit_law};
 use super::across_trials::exchangeability::remaining_correlation;
+use super::across_trials::stiffness_table::MIN_DEGREES_OF_FREEDOM;
 use super::applicability::missing;
 use super::base_model::{UNTRUSTED_ANGLE_ERROR, not_described};
 use super::cause::{Cause, CauseEvidence};
@@ -164,10 +165,10 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     }
     let across = remaining_correlation(observations, &models[best].posterior, seed);
     if across.is_none() {
-        remarks.push(
-            "too few repetitions to compare trials with each other; at least six more trials than conditions are needed"
-                .into(),
-        );
+        remarks.push(format!(
+            "too few repetitions to compare trials with each other; at least {MIN_DEGREES_OF_FREEDOM} more trials than conditions are \
+             needed"
+        ));
     }
     let used = models[best].posterior.used_freedom();
     tracing::debug!(?used, "freedom of the best model");

@@ -10,7 +10,7 @@ use super::error::ReportError;
 use super::known_rig::KnownRig;
 use crate::dataset::Session;
 use crate::files::{excerpt, limits};
-use crate::fit::{FIT_FORMAT, Model, QUANTITIES, RigConstants};
+use crate::fit::{DESCRIBING_VAF, FIT_FORMAT, Model, QUANTITIES, RigConstants};
 use crate::json_file::JsonFileError;
 use crate::signal::FilterSpec;
 use crate::wrist::BASE_PARAMETERS;
@@ -185,10 +185,17 @@ impl FittedTrial {
 impl Fitted {
     /// Largest variance accounted for of any trial; `None` without trials.
     pub fn best_vaf(&self) -> Option<f64> {
-        self.trials
-            .iter()
-            .filter_map(|trial| trial.values.get("vaf").copied().flatten())
-            .max_by(f64::total_cmp)
+        self.vafs().map(|(_, vaf)| vaf).max_by(f64::total_cmp)
+    }
+
+    /// Numbers of the trials that the model does not describe.
+    pub fn undescribed(&self) -> Vec<u32> {
+        self.vafs().filter(|(_, vaf)| *vaf < DESCRIBING_VAF).map(|(trial, _)| trial).collect()
+    }
+
+    /// The number of each trial with the variance accounted for.
+    fn vafs(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.trials.iter().filter_map(|own| Some((own.trial, own.values.get("vaf").copied().flatten()?)))
     }
 
     /// Whether the trials were fitted together.

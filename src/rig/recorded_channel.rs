@@ -114,7 +114,7 @@ pub struct RecordedChannel {
 /// What a rig does to its signals before they are recorded.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecordedSignals {
-    /// The filter that both angle and torque passed; the analysis does not filter again. `None`: no filter.
+    /// The filter that both angle and torque passed; the analysis takes it out of both and filters with it. `None`: no filter.
     pub recorded_filter: Option<FilterSpec>,
     /// The channels by the name of their column.
     pub channels: BTreeMap<String, RecordedChannel>,

@@ -49,6 +49,15 @@ pub fn reflex_warning(window_s: f64, model: &Value) -> Option<String> {
     })
 }
 
+/// What a reader must know of a fit that counts all samples alike, whether that was asked for or the noise is not known. `weighting` is that of
+/// the settings in a file of results.
+pub fn plain_warning(weighting: &Value) -> Option<&'static str> {
+    (*weighting == json!(Weighting::Plain)).then_some(
+        "all samples count alike, as in the paper: the filter leaves only some five independent values in a window, and noise then moves \
+         the yield. k_srs of a trial can be twice and x_e half of what it is, with a VAF near 1",
+    )
+}
+
 /// Results of a fit together with its settings: the contents of the result files.
 #[derive(Debug, Clone)]
 pub struct Results {

@@ -1,7 +1,7 @@
 //! The verdict: whether the model is adequate, what is wrong, and how much that changes k_srs and x_e.
 
 use super::ReportSection;
-use crate::fit::{DESCRIBING_VAF, reflex_warning};
+use crate::fit::{DESCRIBING_VAF, plain_warning, reflex_warning};
 use crate::report::bias::{MeanChange, as_fitted};
 use crate::report::diagnosed::{Candidate, Diagnosed, DiagnosedCause, parameter_in_words};
 use crate::report::fitted::{Fitted, SHOWN, SPOKEN_OF, Shown};
@@ -68,6 +68,18 @@ fn warnings(section: &mut ReportSection, input: &ReportInput) {
             ),
             "",
         );
+    }
+    let undescribed = fitted.undescribed();
+    if !undescribed.is_empty() && undescribed.len() < fitted.trials.len() {
+        let numbers: Vec<String> = undescribed.iter().map(u32::to_string).collect();
+        statement(
+            section,
+            &format!("The model does not describe {} of {} trials.", undescribed.len(), fitted.trials.len()),
+            &format!("They are in the means all the same: {}.", numbers.join(", ")),
+        );
+    }
+    if let Some(warning) = plain_warning(&fitted.settings.weighting.as_str().into()) {
+        statement(section, "", warning);
     }
     if let Some(warning) = reflex_warning(fitted.settings.window_s, &fitted.model) {
         statement(section, "", &warning);

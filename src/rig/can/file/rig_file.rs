@@ -48,7 +48,7 @@ pub struct CanRigFile {
     /// What is known of the channels before their numbers are on the bus: delay, filters, range, origin.
     #[serde(default)]
     pub channels: ChannelsDetails,
-    /// The filter that both angle and torque passed before their numbers are on the bus; the analysis does not filter again.
+    /// The filter that both angle and torque passed before their numbers are on the bus; the analysis takes it out of both and filters with it.
     /// Without it, none.
     #[serde(default)]
     pub recorded_filter: Option<FilterSpec>,
