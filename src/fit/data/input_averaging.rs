@@ -42,7 +42,7 @@ impl AlikeTrials {
     }
 
     /// What each angle has beside the mean.
-    fn differences(&self) -> Vec<Vec<f64>> {
+    pub(super) fn differences(&self) -> Vec<Vec<f64>> {
         let own = |angle: &Vec<f64>| angle.iter().zip(&self.mean).map(|(own, mean)| own - mean).collect();
         self.angles.iter().map(own).collect()
     }

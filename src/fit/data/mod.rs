@@ -8,6 +8,7 @@ pub mod hold_noise;
 pub mod input_averaging;
 pub mod motion_errors;
 pub mod motion_in_steps;
+pub mod moving_angle_noise;
 pub mod observations;
 pub mod preprocessing;
 pub mod rig_constants;

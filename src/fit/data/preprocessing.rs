@@ -46,6 +46,9 @@ const LEAD_S: f64 = 0.004;
 /// Angle kept before and after the simulated time, s, for mechanisms that delay the angle.
 const MARGIN_S: f64 = 0.020;
 
+/// Samples over which a restored signal spreads one sample, at most.
+const NOISE_REACH: usize = 1000;
+
 /// Smallest number of samples in a window to which six parameters can be fitted.
 const MIN_SAMPLES: usize = 12;
 
@@ -79,7 +82,12 @@ impl Observations {
         match Restoration::of(recorded, session.sample_rate_hz)? {
             Some(restoration) => {
                 let sections = recorded.sections(session.sample_rate_hz)?;
-                Self::of_records(&restored(session, &restoration), settings, sections, constants)
+                let mut own =
+                    Self::of_records(&restored(session, &restoration), settings, sections, constants)?;
+                let moving_rad = own.moving_angle_noise_rad(&restoration.of_one_sample(NOISE_REACH));
+                own.angle_noise_rad = own.angle_noise_rad.max(moving_rad);
+                own.angle_step_rad = 0.0;
+                Ok(own)
             }
             None => Self::of_records(session, settings, Vec::new(), constants),
         }
