@@ -125,6 +125,9 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
         Verdict::Adequate => "adequate: no misfit beyond the measured noise",
         Verdict::Named => "named: every cause has a probability of at least 0.95",
         Verdict::Ambiguous => "ambiguous: some cause could be another",
+        Verdict::Unexplained if diagnosis.probabilities.is_none() => {
+            "unexplained: the model does not describe the session, and no cause is named; a note below says why"
+        }
         Verdict::Unexplained => "unexplained: misfit remains that no mechanism of the catalogue explains",
     };
     writeln!(out, "verdict: {says}")?;
@@ -139,10 +142,10 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
         print_cause(&mut out, cause, entry)?;
     }
-    if !diagnosis.causes.is_empty() {
+    if !diagnosis.causes.is_empty() || diagnosis.verdict == Verdict::Unexplained {
         writeln!(
             out,
-            "misfit that remains with the causes in the model: p = {:.3}",
+            "misfit that remains with the causes in the model, within the trials and across them: p = {:.3}",
             diagnosis.remaining_p_value
         )?;
     }

@@ -19,6 +19,7 @@ use super::evidence::rig_knowledge::RigKnowledge;
 use super::evidence::session_prior::SessionPrior;
 use super::evidence::used_freedom::{Freedom, UsedFreedom, smallest_p_value};
 use super::fit_chain::FitChain;
+use super::interval::Interval;
 use super::mains_hum::{DetectedHum, hum_probability};
 use super::preprocessing::{CoarseEncoder, DiagnosisInput};
 use super::within_trial::cross_validation::hum_removal_gain;
@@ -129,7 +130,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         return Diagnosis::without_causes(before, remarks);
     };
     let models = &search.models;
-    let probabilities = CauseProbabilities::of(models);
+    let mut probabilities = CauseProbabilities::of(models);
     stage("comparing the misfit with noise");
     let most_probable = most_probable_model(models);
     // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
@@ -137,6 +138,15 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && models[most_probable].fits(*kind);
     let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
     let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
+    let sizeless = if nothing { Vec::new() } else { sizeless_causes(&models[most_probable]) };
+    remarks.extend(sizeless.iter().map(|kind| {
+        format!(
+            "{} is not named: its size is not told from none (95 % interval), so that what it explains is something else that differs between \
+             trials",
+            kind.id()
+        )
+    }));
+    probabilities = probabilities.where_law_has_no_size(&sizeless);
     let explains = probabilities.none_of_these < 0.5;
     let best = match (nothing, explains) {
         (true, _) => 0,
@@ -199,7 +209,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
     remarks.extend(causes.iter().filter_map(warning));
     remarks.extend(causes.iter().filter_map(|cause| changed_after_rig_trials(cause, &search.prior.rig)));
-    let verdict = if free.is_some() || remaining_p_value < MISFIT_LEVEL {
+    let verdict = if free.is_some() || !sizeless.is_empty() || remaining_p_value < MISFIT_LEVEL {
         Verdict::Unexplained
     } else if causes.is_empty() {
         Verdict::Adequate
@@ -248,6 +258,21 @@ fn not_told(look: &DiagnosisInput, model: &ComparedModel) -> Option<String> {
         kind.id(),
         1e3 * coarse.step_rad
     ))
+}
+
+/// The causes of `model` whose sizes may as well be those of no effect. A law is uncertain, and where its size is none, all that it explains is
+/// how far it may be off.
+fn sizeless_causes(model: &ComparedModel) -> Vec<MechanismKind> {
+    let is_sizeless = |kind: &MechanismKind| {
+        let values = model.posterior.intervals(*kind);
+        let mut sizes =
+            kind.parameters().iter().zip(&values).filter_map(|(own, value)| Some((own.absent?, value)));
+        let holds = |(absent, value): (f64, &Interval)| {
+            value.low.is_some_and(|low| low <= absent) && value.high.is_some_and(|high| absent <= high)
+        };
+        sizes.next().is_some_and(holds) && sizes.all(holds)
+    };
+    model.causes.iter().copied().filter(|kind| model.fits(*kind) && is_sizeless(kind)).collect()
 }
 
 /// The models that are compared, each with its evidence.

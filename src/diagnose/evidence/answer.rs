@@ -61,6 +61,15 @@ impl CauseProbabilities {
             .with_causes_times(part)
     }
 
+    /// The probabilities where the mechanisms `sizeless` of the best model may as well have no size: what their laws explain is not theirs.
+    pub fn where_law_has_no_size(mut self, sizeless: &[MechanismKind]) -> Self {
+        for (kind, probability) in self.causes.iter_mut().filter(|(kind, _)| sizeless.contains(kind)) {
+            tracing::debug!(?kind, probability, "no size");
+            self.none_of_these = self.none_of_these.max(std::mem::take(probability));
+        }
+        self
+    }
+
     fn with_causes_times(mut self, part: f64) -> Self {
         self.causes.iter_mut().for_each(|(_, probability)| *probability *= part);
         self
@@ -234,6 +243,17 @@ mod tests {
 
     fn sum(own: &CauseProbabilities) -> f64 {
         own.none + own.none_of_these + own.causes[0].1
+    }
+
+    #[test]
+    fn what_a_law_without_a_size_explains_is_in_no_catalogue() {
+        let found = sure_of_a_friction();
+        let (kind, probability) = found.causes[0];
+        let without = found.clone().where_law_has_no_size(&[kind]);
+        assert_eq!(without.of_cause(kind), 0.0);
+        assert!(without.none_of_these >= probability && without.none == found.none);
+        let others = found.clone().where_law_has_no_size(&[]);
+        assert_eq!((others.of_cause(kind), others.none_of_these), (probability, found.none_of_these));
     }
 
     #[test]

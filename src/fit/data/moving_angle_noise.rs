@@ -21,7 +21,7 @@ impl Observations {
             }
         }
         let of_one = libm::sqrt(second_differences(passed).map(|own| own * own).sum());
-        upper_median(deviations.into_iter()).map_or(0.0, |middle| SD_BY_MEDIAN * middle / of_one)
+        upper_median(deviations).map_or(0.0, |middle| SD_BY_MEDIAN * middle / of_one)
     }
 }
 
