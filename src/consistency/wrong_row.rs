@@ -19,7 +19,7 @@ const STANDARD_DEVIATIONS: f64 = 5.0;
 const LEVEL_TRIALS: usize = 3;
 
 /// Nor does it matter how little the rows scatter where it is this many times nearer to another row than to its own.
-const NEARER: f64 = 10.0;
+const TIMES_NEARER: f64 = 10.0;
 
 /// A torque this many times that of its row, or this part of it, is in another unit: no subject is so far off, and N cm are farther.
 const UNIT_FACTOR: f64 = 5.0;
@@ -143,7 +143,7 @@ impl<'a> Levels<'a> {
             // Rows whose scatters overlap tell nothing of a single trial.
             let is_at = |middle: f64| {
                 let distance = (middle - own.middle).abs();
-                (own.measured - middle).abs() <= within.max(off / NEARER) && distance > 2.0 * within
+                (own.measured - middle).abs() <= within.max(off / TIMES_NEARER) && distance > 2.0 * within
             };
             let wrong = if self.trials.iter().any(|other| is_at(other.middle)) {
                 WrongRow::Exchanged

@@ -126,9 +126,10 @@ fn a_protocol_that_the_session_was_not_run_with_is_refused() {
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replace("\"cutoff_hz\": 50", "\"cutoff_hz\": 15")).unwrap();
     let before = fs::read(workspace.path("s/results/fit.csv")).unwrap();
-    for verb in ["fit", "diagnose", "design"] {
-        let (_, told) = workspace.call(2, &[verb, "s"]);
-        assert!(told.contains("protocol.json") && told.contains("Put that one back"), "{verb}: {told}");
+    let design = ["design", "s", "--between", "torque_lag", "lever_damping"];
+    for words in [&["fit", "s"][..], &["diagnose", "s"], &design] {
+        let (_, told) = workspace.call(2, words);
+        assert!(told.contains("protocol.json") && told.contains("Put that one back"), "{words:?}: {told}");
     }
     assert_eq!(fs::read(workspace.path("s/results/fit.csv")).unwrap(), before);
 }
