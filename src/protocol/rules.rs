@@ -15,7 +15,7 @@ use serde_json::Value;
 use super::source::{JsonContent, JsonNode};
 use super::units::significant;
 use super::{Problem, Protocol};
-use crate::signal::SLOWEST_CUTOFF_HZ;
+use crate::signal::{FilterSpec, SLOWEST_CUTOFF_HZ};
 use context::Rules;
 
 /// Adds to `problems` every value of `document` that does not fit with the others.
@@ -109,9 +109,9 @@ impl Rules<'_> {
 
     fn signal_is_sampled_fast_enough(&mut self) {
         if let Some(order) = self.number("signal.filter.order")
-            && !(1.0..=10.0).contains(&order)
+            && !(1.0..=f64::from(*FilterSpec::ORDERS.end())).contains(&order)
         {
-            let expected = "a whole number from 1 to 10: Order of the filter.".to_owned();
+            let expected = "a whole number from 1 to 8: Order of the filter.".to_owned();
             self.add("signal.filter.order", expected, "the paper's is 3".to_owned());
         }
         if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz < SLOWEST_CUTOFF_HZ) {

@@ -23,12 +23,16 @@ pub struct Restoration {
 }
 
 impl Restoration {
-    /// Takes `recorded` out of signals of a sampling rate; `None` if the filter leaves nothing to restore below half the rate.
+    /// Takes `recorded` out of signals of a sampling rate; `None` if the filter leaves nothing to restore below half the rate, or is steeper
+    /// than the filters of this program.
     ///
     /// # Errors
     /// If the filter is not possible at this rate.
     pub fn of(recorded: FilterSpec, sample_rate_hz: f64) -> Result<Option<Self>, FilterError> {
         let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = recorded;
+        if order > *FilterSpec::ORDERS.end() {
+            return Ok(None);
+        }
         let own = recorded.sections(sample_rate_hz)?;
         let passes = if zero_phase { 2.0 } else { 1.0 };
         let raised_hz = cutoff_hz * libm::pow(LARGEST_GAIN, 1.0 / (passes * f64::from(order)));
@@ -139,9 +143,11 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_near_half_the_rate_leaves_nothing_to_restore() {
+    fn a_filter_near_half_the_rate_or_one_that_is_too_steep_is_not_taken_out() {
         let high = FilterSpec::Butterworth { order: 3, cutoff_hz: 470.0, zero_phase: false };
         assert!(Restoration::of(high, 1000.0).unwrap().is_none());
+        let steep = FilterSpec::Butterworth { order: 10, cutoff_hz: 50.0, zero_phase: false };
+        assert!(Restoration::of(steep, 1000.0).unwrap().is_none());
         assert!(Restoration::of(high, 900.0).is_err());
     }
 }

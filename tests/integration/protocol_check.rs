@@ -204,12 +204,16 @@ fn fields_that_contradict_each_other_are_named() {
         &["signal.filter.cutoff_hz is 0.05", "from 3.979 Hz up", "nothing of the 40 ms"],
     );
     assert_problem(
+        |p| p["signal"]["filter"]["order"] = json!(9),
+        &["signal.filter.order is 9", "from 1 to 8"],
+    );
+    assert_problem(
         |p| p["signal"]["filter"]["zero_phase"] = json!(true),
         &["signal.filter.zero_phase is true", "write false here"],
     );
     assert_problem(
         |p| p["signal"]["filter"]["order"] = json!(0),
-        &["signal.filter.order is 0", "from 1 to 10"],
+        &["signal.filter.order is 0", "from 1 to 8"],
     );
     let rise_of_3_samples = |p: &mut Value| {
         p["ramp"]["rise_time_s"] = json!(0.001);
