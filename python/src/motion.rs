@@ -147,6 +147,7 @@ impl NativeMotion {
             samples,
             // The model starts at rest with the record.
             lead_samples: given.onset,
+            filter: given.filter,
             prediction_sections: sections.clone(),
             sections,
             trials: vec![trial],

@@ -98,7 +98,7 @@ pub struct Optimum {
 pub struct FitSettings {
     /// The analysed window after the onset, s.
     pub window_s: f64,
-    /// The filter; `None` if the rig had filtered the torque already.
+    /// The filter of measured and predicted torque: that of the rig, if it filtered before recording. `None`: none.
     pub filter: Option<FilterSpec>,
     /// The weighting of the residuals.
     pub weighting: String,

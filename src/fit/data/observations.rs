@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::bearing_friction::{FrictionEffect, FrictionLaw};
 use super::motion_errors::MotionErrors;
 use super::rig_constants::{RigConstants, TorqueRescaling};
-use crate::signal::{NoiseCovariance, Section};
+use crate::signal::{FilterSpec, NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
 use crate::wrist::{
     self, Kinematics, Lever, ScaledChannel, SimulationSettings, Smoothing, VectorWidth, delayed_motion,
@@ -43,7 +43,9 @@ pub struct Observations {
     pub constants: RigConstants,
     /// The law by which the friction of the bearing is taken out.
     pub friction_law: FrictionLaw,
-    /// Sections of the low-pass that the recorded torque passed; empty if the rig filtered angle and torque before recording.
+    /// The low-pass that measured and predicted torque pass: that of the rig, if it filtered before recording; `None` if there is none.
+    pub filter: Option<FilterSpec>,
+    /// Its sections.
     pub sections: Vec<Section>,
     /// Sections that predicted torque passes: the same, after the low-pass of the torque channel if it has one.
     pub prediction_sections: Vec<Section>,
@@ -149,6 +151,7 @@ impl Observations {
             lead_samples: self.lead_samples,
             constants: self.constants,
             friction_law: self.friction_law,
+            filter: self.filter,
             sections: self.sections.clone(),
             prediction_sections: self.prediction_sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),

@@ -114,6 +114,7 @@ impl Observations {
             constants,
             friction_law: FrictionLaw::default(),
             prediction_sections: constants.prediction_sections(&sections, period_s),
+            filter: (!sections.is_empty()).then_some(settings.filter),
             period_s,
             samples,
             lead_samples: libm::ceil(LEAD_S / period_s) as usize,

@@ -342,7 +342,7 @@ fn json(
         "subject": subject,
         "settings": {
             "window_s": settings.window_s,
-            "filter": if observations.sections.is_empty() { Value::Null } else { json!(settings.filter) },
+            "filter": observations.filter,
             "weighting": weighting_used(weighting, fit),
             "lever": observations.lever,
             "rig_constants": observations.constants,
