@@ -13,6 +13,7 @@ use super::evidence::answer::{
     CauseProbabilities, NAMED_PROBABILITY, most_probable_model, most_probable_of_likely_causes,
 };
 use super::evidence::found_law::FoundLaw;
+use super::evidence::model_posterior::ModelPosterior;
 use super::evidence::model_prior::compared;
 use super::evidence::model_search::{ComparedModel, ModelSearch};
 use super::evidence::rig_knowledge::RigKnowledge;
@@ -43,6 +44,18 @@ pub enum Verdict {
     Ambiguous,
     /// Misfit remains that no candidate explains.
     Unexplained,
+}
+
+impl Verdict {
+    /// That of these causes, where they leave no misfit.
+    fn of(causes: &[Cause]) -> Self {
+        let is_sure = |cause: &Cause| cause.alternatives.is_empty() && cause.probability >= NAMED_PROBABILITY;
+        match causes {
+            [] => Self::Adequate,
+            causes if causes.iter().all(is_sure) => Self::Named,
+            _ => Self::Ambiguous,
+        }
+    }
 }
 
 /// Result of a diagnosis.
@@ -114,45 +127,15 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
     }
-    if let Some(CoarseEncoder { ratio, step_rad }) = look.coarse_encoder {
-        remarks.push(format!(
-            "the error of the recorded angle (steps of {:.2} mrad) has {ratio:.1} times the variance of the torque's noise: the motions are \
-             taken as known only between these steps, which hides causes of a small effect; measure with a finer encoder",
-            1e3 * step_rad
-        ));
-    }
-    if let Some(reason) = coarse_angle(observations, &before) {
-        remarks
-            .push(format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's"));
-    }
+    remarks.extend(remarks_on_angle(look, &before));
     let Some(Comparison { search, given, single }) = compared_models(look, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
         return Diagnosis::without_causes(before, remarks);
     };
     let models = &search.models;
-    let mut probabilities = CauseProbabilities::of(models);
     stage("comparing the misfit with noise");
-    let most_probable = most_probable_model(models);
-    // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
-    let acts_within =
-        |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && models[most_probable].fits(*kind);
-    let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
-    let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
-    let sizeless = if nothing { Vec::new() } else { sizeless_causes(&models[most_probable]) };
-    remarks.extend(sizeless.iter().map(|kind| {
-        format!(
-            "{} is not named: its size is not told from none (95 % interval), so that what it explains is something else that differs between \
-             trials",
-            kind.id()
-        )
-    }));
-    probabilities = probabilities.where_law_has_no_size(&sizeless);
-    let explains = probabilities.none_of_these < 0.5;
-    let best = match (nothing, explains) {
-        (true, _) => 0,
-        (false, true) => most_probable,
-        (false, false) => most_probable_of_likely_causes(models, &probabilities),
-    };
+    let Choice { probabilities, nothing, sizeless, explains, best } = Choice::of(models, &given);
+    remarks.extend(sizeless.iter().map(|kind| without_size(*kind)));
     if let Some(reason) = not_told(look, &models[best]) {
         remarks.push(format!("no cause is named: {reason}"));
         return Diagnosis::without_causes(before, remarks);
@@ -173,32 +156,13 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         );
         return Diagnosis::without_causes(before, remarks);
     }
-    let across = remaining_correlation(observations, &models[best].posterior, seed);
-    if across.is_none() {
-        remarks.push(format!(
-            "too few repetitions to compare trials with each other; at least {MIN_DEGREES_OF_FREEDOM} more trials than conditions are \
-             needed"
-        ));
-    }
-    let used = models[best].posterior.used_freedom();
-    tracing::debug!(?used, "freedom of the best model");
-    remarks.extend(
-        used.iter().filter(|own| CHECKS * used.len() as f64 * own.p_value < MISFIT_LEVEL).map(beyond),
-    );
-    let smallest = left.p_values.any().min(across.unwrap_or(1.0)).min(smallest_p_value(&used));
-    let remaining_p_value = (CHECKS * smallest).min(1.0);
-    if CHECKS * left.p_values.between_repetitions() < MISFIT_LEVEL {
-        remarks.push(format!(
-            "the variance of the residuals about their mean pattern is {:.1} times that of the noise: the ramps contain a \
-             disturbance that differs between repetitions, is absent in the holds and is described by no mechanism, such as an \
-             unsteady clock or a coarse converter",
-            left.p_values.scatter
-        ));
-    }
+    let remaining = RemainingMisfit::of(observations, &models[best].posterior, left, seed);
+    let is_left = remaining.p_value < MISFIT_LEVEL;
+    remarks.extend(remaining.remarks);
     let probabilities =
         if nothing { probabilities.where_nothing_is_seen(given.p_values.any()) } else { probabilities };
-    let probabilities = if remaining_p_value < MISFIT_LEVEL {
-        probabilities.where_misfit_is_left(remaining_p_value, search.model_prior.of_unknown_law())
+    let probabilities = if is_left {
+        probabilities.where_misfit_is_left(remaining.p_value, search.model_prior.of_unknown_law())
     } else {
         probabilities
     };
@@ -209,18 +173,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
     remarks.extend(causes.iter().filter_map(warning));
     remarks.extend(causes.iter().filter_map(|cause| changed_after_rig_trials(cause, &search.prior.rig)));
-    let verdict = if free.is_some() || !sizeless.is_empty() || remaining_p_value < MISFIT_LEVEL {
-        Verdict::Unexplained
-    } else if causes.is_empty() {
-        Verdict::Adequate
-    } else if causes
-        .iter()
-        .any(|cause| !cause.alternatives.is_empty() || cause.probability < NAMED_PROBABILITY)
-    {
-        Verdict::Ambiguous
-    } else {
-        Verdict::Named
-    };
+    let is_unknown = free.is_some() || !explains && !sizeless.is_empty();
+    let verdict = if is_unknown || is_left { Verdict::Unexplained } else { Verdict::of(&causes) };
     let residual_term =
         (verdict == Verdict::Unexplained).then(|| residual_term(observations, &extended)).flatten();
     // What rig trials tell is corrected before the model is tested, so that it leaves no misfit of the model.
@@ -233,7 +187,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         p_value: (2.0 * given.p_values.any()).min(p_of_causes).min(1.0),
         probabilities: Some(probabilities),
         causes,
-        remaining_p_value,
+        remaining_p_value: remaining.p_value,
         free_law: free,
         residual_term,
         undetectable: given.undetectable.clone(),
@@ -242,6 +196,104 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         after: extended,
         remarks,
     }
+}
+
+/// What a reader must know of the recorded angle.
+fn remarks_on_angle(look: &DiagnosisInput, before: &Fit) -> Vec<String> {
+    let in_steps = look.coarse_encoder.map(|CoarseEncoder { ratio, step_rad }| {
+        format!(
+            "the error of the recorded angle (steps of {:.2} mrad) has {ratio:.1} times the variance of the torque's noise: the motions are \
+             taken as known only between these steps, which hides causes of a small effect; measure with a finer encoder",
+            1e3 * step_rad
+        )
+    });
+    let coarse = coarse_angle(&look.observations, before).map(|reason| {
+        format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's")
+    });
+    in_steps.into_iter().chain(coarse).collect()
+}
+
+/// The model that is answered with.
+struct Choice {
+    /// Probabilities of the causes, by all models.
+    probabilities: CauseProbabilities,
+    /// No cause is seen.
+    nothing: bool,
+    /// Causes of the most probable model that have no size.
+    sizeless: Vec<MechanismKind>,
+    /// The catalogue explains the session more probably than a law that it does not have.
+    explains: bool,
+    /// Index of the model.
+    best: usize,
+}
+
+impl Choice {
+    fn of(models: &[ComparedModel], given: &TestedFit) -> Self {
+        let probabilities = CauseProbabilities::of(models);
+        let most_probable = most_probable_model(models);
+        let model = &models[most_probable];
+        // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
+        let acts_within =
+            |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && model.fits(*kind);
+        let is_seen = !model.causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
+        let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
+        let sizeless = if nothing { Vec::new() } else { sizeless_causes(model) };
+        let probabilities = probabilities.where_law_has_no_size(&sizeless);
+        let explains = probabilities.none_of_these < 0.5;
+        let best = if nothing {
+            0
+        } else if explains && sizeless.is_empty() {
+            most_probable
+        } else {
+            most_probable_of_likely_causes(models, &probabilities)
+        };
+        Self { probabilities, nothing, sizeless, explains, best }
+    }
+}
+
+/// The misfit that a model leaves, within the trials and across them.
+struct RemainingMisfit {
+    /// Probability of a misfit as large if the model were right.
+    p_value: f64,
+    /// What a reader must know of the checks.
+    remarks: Vec<String>,
+}
+
+impl RemainingMisfit {
+    fn of(observations: &Observations, model: &ModelPosterior, left: &TestedFit, seed: u64) -> Self {
+        let across = remaining_correlation(observations, model, seed);
+        let used = model.used_freedom();
+        tracing::debug!(?used, "freedom of the best model");
+        let smallest = left.p_values.any().min(across.unwrap_or(1.0)).min(smallest_p_value(&used));
+        let mut remarks = Vec::new();
+        if across.is_none() {
+            remarks.push(format!(
+                "too few repetitions to compare trials with each other; at least {MIN_DEGREES_OF_FREEDOM} more trials than conditions are \
+                 needed"
+            ));
+        }
+        remarks.extend(
+            used.iter().filter(|own| CHECKS * used.len() as f64 * own.p_value < MISFIT_LEVEL).map(beyond),
+        );
+        if CHECKS * left.p_values.between_repetitions() < MISFIT_LEVEL {
+            remarks.push(format!(
+                "the variance of the residuals about their mean pattern is {:.1} times that of the noise: the ramps contain a \
+                 disturbance that differs between repetitions, is absent in the holds and is described by no mechanism, such as an \
+                 unsteady clock or a coarse converter",
+                left.p_values.scatter
+            ));
+        }
+        Self { p_value: (CHECKS * smallest).min(1.0), remarks }
+    }
+}
+
+/// Why a cause without a size is not named.
+fn without_size(kind: MechanismKind) -> String {
+    format!(
+        "{} is not named: its size is not told from none (95 % interval), so that what it explains is something else that differs between \
+         trials",
+        kind.id()
+    )
 }
 
 /// Why the causes of `model` are not named; `None` if they can be. What is wrong in the rig shows as the errors of the angle do, all the more
