@@ -134,7 +134,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     };
     let models = &search.models;
     stage("comparing the misfit with noise");
-    let Choice { probabilities, nothing, sizeless, explains, best } = Choice::of(models, &given);
+    let AnsweredModel { probabilities, nothing, sizeless, explains, best } =
+        AnsweredModel::of(models, &given);
     remarks.extend(sizeless.iter().map(|kind| without_size(*kind)));
     if let Some(reason) = not_told(look, &models[best]) {
         remarks.push(format!("no cause is named: {reason}"));
@@ -214,7 +215,7 @@ fn remarks_on_angle(look: &DiagnosisInput, before: &Fit) -> Vec<String> {
 }
 
 /// The model that is answered with.
-struct Choice {
+struct AnsweredModel {
     /// Probabilities of the causes, by all models.
     probabilities: CauseProbabilities,
     /// No cause is seen.
@@ -227,7 +228,7 @@ struct Choice {
     best: usize,
 }
 
-impl Choice {
+impl AnsweredModel {
     fn of(models: &[ComparedModel], given: &TestedFit) -> Self {
         let probabilities = CauseProbabilities::of(models);
         let most_probable = most_probable_model(models);
