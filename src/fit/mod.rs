@@ -58,8 +58,8 @@ pub use output::estimates::{
     session_estimates, torque_falls, with_rig_errors,
 };
 pub use output::result_files::{
-    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, fit_header, fit_row, plain_warning, reflex_warning,
-    write_files,
+    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, best_vaf, fit_header, fit_row, plain_warning,
+    reflex_warning, write_files,
 };
 pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};

@@ -153,6 +153,15 @@ pub fn filter(sections: &[Section], signal: &[f64]) -> Vec<f64> {
     output
 }
 
+/// Runs `forwards` over `signal`, and then `backwards` from its end to its beginning.
+pub fn filter_both_ways(forwards: &[Section], backwards: &[Section], signal: &[f64]) -> Vec<f64> {
+    let mut output = filter(forwards, signal);
+    output.reverse();
+    output = filter(backwards, &output);
+    output.reverse();
+    output
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@ mod onset;
 mod restoration;
 mod sinusoid;
 
-pub use filter::{FilterError, FilterSpec, Section, SectionState, filter};
+pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
 pub use noise_covariance::NoiseCovariance;
 pub use onset::onset;
 pub use restoration::Restoration;

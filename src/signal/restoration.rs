@@ -4,7 +4,7 @@
 //! one passes it later and more slowly. Angle and torque are therefore restored alike, and the torque is filtered again, with the
 //! prediction.
 
-use super::filter::{FilterError, FilterSpec, Section};
+use super::filter::{FilterError, FilterSpec, Section, filter_both_ways};
 
 /// By how much restoring may raise what came into the record behind the filter, above all the rounding of its numbers: to less than the noise
 /// before the filter where the record keeps two digits more than that noise.
@@ -50,22 +50,14 @@ impl Restoration {
 
     /// The signal before the filter.
     pub fn restored(&self, recorded: &[f64]) -> Vec<f64> {
-        let mut signal = super::filter(&self.forwards, recorded);
-        signal.reverse();
-        signal = super::filter(&self.backwards, &signal);
-        signal.reverse();
-        signal
+        filter_both_ways(&self.forwards, &self.backwards, recorded)
     }
 
     /// What a restored signal has of one sample before the filter: `length` samples about it.
     pub fn of_one_sample(&self, length: usize) -> Vec<f64> {
         let mut signal = vec![0.0; length];
         signal[length / 2] = 1.0;
-        for _ in 0..2 {
-            signal = super::filter(&self.wide, &signal);
-            signal.reverse();
-        }
-        signal
+        filter_both_ways(&self.wide, &self.wide, &signal)
     }
 }
 
@@ -94,14 +86,6 @@ mod tests {
             .collect()
     }
 
-    fn twice(sections: &[Section], signal: &[f64]) -> Vec<f64> {
-        let mut own = filter(sections, signal);
-        own.reverse();
-        own = filter(sections, &own);
-        own.reverse();
-        own
-    }
-
     #[test]
     fn a_signal_is_what_it_was_before_the_filter_and_not_later() {
         let signal = signal();
@@ -109,8 +93,10 @@ mod tests {
             for zero_phase in [false, true] {
                 let recorded = FilterSpec::Butterworth { order, cutoff_hz: 50.0, zero_phase };
                 let sections = recorded.sections(RATE_HZ).unwrap();
-                let filtered =
-                    if zero_phase { twice(&sections, &signal) } else { filter(&sections, &signal) };
+                let filtered = match zero_phase {
+                    true => filter_both_ways(&sections, &sections, &signal),
+                    false => filter(&sections, &signal),
+                };
                 let restored = Restoration::of(recorded, RATE_HZ).unwrap().unwrap().restored(&filtered);
                 let worst = |own: &[f64]| {
                     signal

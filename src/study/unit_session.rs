@@ -10,7 +10,7 @@ use super::study_file::StudyFit;
 use crate::consistency;
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
 use crate::fit::{
-    DESCRIBING_VAF, Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate,
+    DESCRIBING_VAF, Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, best_vaf,
     estimates_without_profiles, session_estimates,
 };
 use crate::rig::Fault;
@@ -94,7 +94,7 @@ fn fit_session(
 
 /// The estimates of a session, unless the model describes none of its trials.
 fn described(trials: Vec<TrialEstimate>, fit: StudyFit) -> Result<UnitEstimates, UnitError> {
-    let best_vaf = trials.iter().map(|estimate| estimate.vaf).fold(f64::NEG_INFINITY, f64::max);
+    let best_vaf = best_vaf(&trials);
     if best_vaf < DESCRIBING_VAF {
         return Err(UnitError::NotDescribed { best_vaf });
     }

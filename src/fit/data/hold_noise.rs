@@ -126,6 +126,11 @@ pub(super) fn noise_stride(sample_rate_hz: f64, filter: FilterSpec, samples: usi
     by_filter.max(samples.div_ceil(100)).max(1)
 }
 
+/// The differences of the differences of neighbours.
+pub(super) fn second_differences(values: &[f64]) -> impl Iterator<Item = f64> {
+    values.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
+}
+
 /// Standard deviation of the error of the recorded angle, rad, and the step of the encoder, rad, if quantisation dominates the
 /// error; otherwise the step is zero.
 ///
@@ -148,9 +153,8 @@ pub(super) fn encoder_error(trials: &[&Trial], angle: impl Fn(&Record) -> Option
             }
         }
         let hold = &theta[..theta.len() / 5];
-        let second_differences = hold.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2]);
         count += hold.windows(3).len() as f64;
-        squares.push(second_differences.map(|second| second * second).sum::<f64>());
+        squares.push(second_differences(hold).map(|second| second * second).sum::<f64>());
     }
     // Summed in an order that does not depend on the order of the trials, so that a trial repeated after a crash changes no bit.
     squares.sort_by(f64::total_cmp);

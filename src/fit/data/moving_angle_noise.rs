@@ -3,6 +3,7 @@
 //! An encoder of a motor at rest reads one number, and behind a filter its steps cannot be seen. In a ramp the steps are noise: what the
 //! second differences of trials of one velocity do not share.
 
+use super::hold_noise::second_differences;
 use super::observations::Observations;
 use crate::statistics::{SD_BY_MEDIAN, upper_median};
 
@@ -23,8 +24,4 @@ impl Observations {
         let of_one = libm::sqrt(second_differences(passed).map(|own| own * own).sum());
         upper_median(deviations).map_or(0.0, |middle| SD_BY_MEDIAN * middle / of_one)
     }
-}
-
-fn second_differences(values: &[f64]) -> impl Iterator<Item = f64> {
-    values.windows(3).map(|three| three[0] - 2.0 * three[1] + three[2])
 }

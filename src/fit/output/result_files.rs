@@ -49,6 +49,11 @@ pub fn reflex_warning(window_s: f64, model: &Value) -> Option<String> {
     })
 }
 
+/// Largest share of the variance that the model accounts for in a trial.
+pub fn best_vaf(estimates: &[TrialEstimate]) -> f64 {
+    estimates.iter().map(|estimate| estimate.vaf).fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// What a reader must know of a fit that counts all samples alike, whether that was asked for or the noise is not known. `weighting` is that of
 /// the settings in a file of results.
 pub fn plain_warning(weighting: &Value) -> Option<&'static str> {
@@ -163,7 +168,7 @@ impl Results {
 
     /// Largest variance accounted for of any trial.
     pub fn best_vaf(&self) -> f64 {
-        self.estimates.iter().map(|estimate| estimate.vaf).fold(f64::NEG_INFINITY, f64::max)
+        best_vaf(&self.estimates)
     }
 
     /// Whether the trials were fitted together.

@@ -53,14 +53,9 @@ fn a_session_recorded_through_a_low_pass_has_the_wrist_of_one_without() {
     for zero_phase in [false, true] {
         let recorded = FilterSpec::Butterworth { order: 3, cutoff_hz: 50.0, zero_phase };
         let sections = recorded.sections(session.sample_rate_hz).unwrap();
-        let through = |channel: &Vec<f64>| {
-            let mut filtered = signal::filter(&sections, channel);
-            if zero_phase {
-                filtered.reverse();
-                filtered = signal::filter(&sections, &filtered);
-                filtered.reverse();
-            }
-            filtered
+        let through = |channel: &Vec<f64>| match zero_phase {
+            true => signal::filter_both_ways(&sections, &sections, channel),
+            false => signal::filter(&sections, channel),
         };
         let mut filtered = session.clone();
         filtered.recorded_filter = Some(recorded);
