@@ -36,6 +36,7 @@ class Laboratory:
     gauge_noise: float = 1.0  # times 6-20 mN m
     gauge_spectrum: str = "white"  # see noise.SPECTRA
     has_emg: bool = True
+    onsets: str = "command"  # how trials.csv states them, see session_writer.ONSETS
     rig_trials: str = "paper"  # see rig.loads.BLOCKS
 
     @property
@@ -114,4 +115,27 @@ LABORATORIES = {
                            encoder_bits=19, lever=RIGID, ramp_profile="trapezoid", ramp_rise_factor=1.1, velocities_rad_s=(1.5, 2.8),
                            torques_nm=(0.8, 1.2, 1.6, 2.0), repetitions=4, gauge_noise=0.6, longest_hold_s=0.6, hold_spread_s=0.08,
                            gate_fraction=0.03, rig_trials="handheld"),
+    "unmarked": Laboratory("assumed: a data logger of 1 kHz that does not record when the ramp was commanded", sample_hz=1000,
+                           encoder_bits=16, lever=lever(0.0018, 0.5, 1000.0), ramp_profile="minimum jerk",
+                           velocities_rad_s=(1.4, 2.2, 3.0), torques_nm=(0.9, 1.7), repetitions=4, has_emg=False, onsets="none",
+                           rig_trials="unmarked"),
+    "triggered": Laboratory("assumed: onsets where the record has moved by 2 mrad", encoder_bits=18, lever=lever(0.0016, 0.45, 1100.0),
+                            velocities_rad_s=(1.3, 1.9, 2.6, 3.2), torques_nm=(0.9, 1.6), onsets="2 mrad", rig_trials="triggered"),
+    "logger": Laboratory("assumed: a data logger without the command, and a rigid handle", sample_hz=2000, encoder_bits=18, lever=RIGID,
+                         velocities_rad_s=(1.4, 2.1, 2.8), torques_nm=(0.8, 1.3, 1.8), gauge_noise=0.9, has_emg=False, onsets="none",
+                         rig_trials="logger"),
+    "threshold": Laboratory("assumed: onsets where the record has moved by 2 mrad, on a light lever", encoder_bits=20,
+                            lever=lever(0.0012, 0.4, 750.0), ramp_profile="trapezoid", velocities_rad_s=(1.5, 2.2, 2.9),
+                            torques_nm=(0.7, 1.3, 1.9), gauge_noise=1.2, onsets="2 mrad", rig_trials="threshold"),
+    "fieldbus": Laboratory("assumed: an integrated servo of 1 kHz and 17 bits, whose bus does not carry the command", sample_hz=1000,
+                           encoder_bits=17, lever=lever(0.0019, 0.5, 950.0), ramp_profile="minimum jerk", ramp_rise_factor=1.1,
+                           velocities_rad_s=(1.5, 2.2, 2.9), torques_nm=(1.0, 1.6, 2.2), repetitions=4, onsets="none",
+                           rig_trials="fieldbus"),
+    "precise": Laboratory("assumed: a quiet gauge on a lever of solid steel", sample_hz=5000, encoder_bits=20,
+                          lever=lever(0.0013, 0.55, 1800.0), ramp_rise_factor=0.9, velocities_rad_s=(1.2, 1.8, 2.4, 3.0),
+                          torques_nm=(0.9, 1.8), gauge_noise=0.7, rig_trials="precise"),
+    "shaky": Laboratory("Deuschl et al. 1998: essential tremor has 4-12 Hz; its size, the wider gate and the rest are assumed",
+                        sample_hz=2000, lever=lever(0.0015, 0.4, 900.0), ramp_profile="trapezoid", tremor=2.2, tremor_frequency=0.8,
+                        gate_fraction=0.05, velocities_rad_s=(1.4, 2.1, 2.8), torques_nm=(0.8, 1.4, 2.0), repetitions=4,
+                        rig_trials="shaky"),
 }

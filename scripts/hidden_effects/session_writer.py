@@ -11,6 +11,10 @@ from .rig.writer import write_rig_trials
 COLUMNS = {"t_s": "%.4f", "theta_m_rad": "%.7f", "torque_l_nm": "%.5f"}
 EMG_COLUMNS = {"emg_fcr_mvc": "%.4f", "emg_ecr_mvc": "%.4f"}
 
+# How `trials.csv` states the onset of a trial: as commanded, not at all, or where the record has moved by so much.
+ONSETS = ("command", "none", "2 mrad")
+NOTICED_RAD = 0.002
+
 
 def write_session(session: Session, folder: Path) -> None:
     """Nothing in the folder tells what is hidden, not even the order of the files or the number of digits."""
@@ -24,13 +28,25 @@ def write_session(session: Session, folder: Path) -> None:
     rows = ["trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,amplitude_rad,rest_s"]
     for i in range(len(t)):
         name = f"trials/trial-{i + 1:03d}.csv"
-        onset = -session.t_s[session.first[i]]
-        rows.append(f"{i + 1},{name},{t.velocity_rad_s[i]:g},{t.torque_nm[i]:g},{t.repetition[i]},{onset:.4f},ok,"
+        rows.append(f"{i + 1},{name},{t.velocity_rad_s[i]:g},{t.torque_nm[i]:g},{t.repetition[i]},{_onset(session, i)},ok,"
                     f"{laboratory.amplitude_rad:g},{t.rest_s[i]:.2f}")
         _write_trial(session, i, folder / name)
     (folder / "trials.csv").write_text("\n".join(rows) + "\n")
     if session.rig:
         write_rig_trials(session.rig.recordings, folder)
+
+
+def _onset(session, i) -> str:
+    commanded_s = -session.t_s[session.first[i]]
+    stated = session.scenario.laboratory.onsets
+    if stated == "none":
+        return ""
+    if stated == "command":
+        return f"{commanded_s:.4f}"
+    angle = session.theta_m_rad[i, session.first[i]:]
+    rest = angle[:round(0.5 * commanded_s * session.scenario.laboratory.sample_hz)].mean()
+    noticed = int(np.argmax(np.abs(angle - rest) > NOTICED_RAD))
+    return f"{noticed / session.scenario.laboratory.sample_hz:.4f}"
 
 
 def _write_trial(session, i, path):

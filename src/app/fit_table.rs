@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use crate::fit::{
-    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, plain_warning, reflex_warning,
-    torque_falls,
+    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, late_onset_warning,
+    plain_warning, reflex_warning, torque_falls,
 };
 use crate::report::SHOWN;
 use crate::wrist::BASE_PARAMETERS;
@@ -60,6 +60,10 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         writeln!(out, "{warning}")?;
     }
     if let Some(warning) = plain_warning(&results.json["settings"]["weighting"]) {
+        writeln!(out, "{warning}")?;
+    }
+    let late_s = results.json["settings"]["stated_onsets_late_s"].as_f64();
+    if let Some(warning) = late_s.and_then(late_onset_warning) {
         writeln!(out, "{warning}")?;
     }
     let several: Vec<&TrialEstimate> =

@@ -41,7 +41,8 @@ pub use calibration::assumed_constants::{ASSUMED_ERROR, AssumedConstant};
 pub use calibration::constant_effects::ConstantEffects;
 pub use data::bearing_friction::FrictionLaw;
 pub use data::observations::{EmgGaps, ExcludedTrial, NoiseSource, Observations, TrialObservation};
-pub use data::preprocessing::{PreprocessingError, PreprocessingSettings, onset_sample};
+pub use data::onset_samples::onset_sample;
+pub use data::preprocessing::{PreprocessingError, PreprocessingSettings};
 pub use data::rig_constants::{CalibrationMisuse, RigConstants};
 pub use fitted::fit::Fit;
 pub use fitted::predictions::{Prediction, predictions, variance_accounted_for};
@@ -58,8 +59,8 @@ pub use output::estimates::{
     session_estimates, torque_falls, with_rig_errors,
 };
 pub use output::result_files::{
-    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, best_vaf, fit_header, fit_row, plain_warning,
-    reflex_warning, write_files,
+    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, best_vaf, fit_header, fit_row, late_onset_warning,
+    plain_warning, reflex_warning, write_files,
 };
 pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};

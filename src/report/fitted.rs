@@ -102,6 +102,9 @@ pub struct FitSettings {
     pub filter: Option<FilterSpec>,
     /// The weighting of the residuals.
     pub weighting: String,
+    /// Longest time by which stated onsets are after the motor has begun to move, s; older programs took every onset as stated.
+    #[serde(default)]
+    pub stated_onsets_late_s: f64,
     /// The constants of the rig by which the records became angle and torque; older programs used those that the session states.
     pub rig_constants: Option<RigConstants>,
     /// Sum of the file that they were measured in.

@@ -8,7 +8,7 @@ mod sinusoid;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
 pub use noise_covariance::NoiseCovariance;
-pub use onset::onset;
+pub use onset::{onset, smallest_step};
 pub use restoration::Restoration;
 pub use sinusoid::Sinusoid;
 

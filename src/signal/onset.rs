@@ -45,7 +45,7 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
 }
 
 /// Smallest change from one sample to the next: a step of the encoder, or next to nothing where there are no steps.
-fn smallest_step(values: &[f64]) -> f64 {
+pub fn smallest_step(values: &[f64]) -> f64 {
     let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     changes.filter(|change| *change > 0.0).min_by(f64::total_cmp).unwrap_or(0.0)
 }

@@ -11,7 +11,7 @@ from ..laboratories import LABORATORIES
 PURPOSES = ("development", "reporting")
 
 REPORTING = {
-    "laboratories": {"ward", "capacitive", "belt", "athlete", "handheld"},
+    "laboratories": {"logger", "threshold", "fieldbus", "precise", "shaky"},
     "laws": {"joint_damping@quadratic", "joint_friction@dahl", "interface_hardening@exponential", "interface_hardening@bottoming",
              "interface_slack@backlash", "stretch_reflex@burst", "stress_relaxation@power_law", "post_yield_viscosity@growing",
              "gradual_yield@uniform", "stiffening@exponential", "timed_yield@loaded", "lever_inertia@loaded", "lever_stiffness@loaded",
@@ -24,7 +24,8 @@ REPORTING = {
 }
 DEVELOPMENT = {
     "laboratories": {"paper", "slow", "stiff", "rigid", "clinic", "soft", "coarse", "flicker", "direct", "child", "interpolated", "resolver",
-                     "essential", "geared", "kilohertz", "drifting", "many"},
+                     "essential", "geared", "kilohertz", "drifting", "many", "ward", "capacitive", "belt", "athlete", "handheld", "unmarked",
+                     "triggered"},
     "laws": {"joint_damping@linear", "joint_damping@shear_thinning", "joint_friction@lugre", "joint_friction@speed",
              "interface_hardening@sinh", "interface_hardening@cubic", "interface_slack@hyperbolic", "interface_slack@dead_zone",
              "stretch_reflex@gamma", "stretch_reflex@lag", "stress_relaxation@two_branches", "stress_relaxation@maxwell",

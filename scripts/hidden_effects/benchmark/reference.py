@@ -53,7 +53,8 @@ def _noise(own):
         parts.append(f"tremor x {own.tremor:g}" + (f" at {8.5 * own.tremor_frequency:g}-{10.5 * own.tremor_frequency:g} Hz"
                                                   if own.tremor_frequency != 1 else ""))
     parts.append(f"hold {own.longest_hold_s - own.hold_spread_s:.2f}-{own.longest_hold_s:.2f} s")
-    return ", ".join(parts + ([] if own.has_emg else ["no EMG"]))
+    told = {"command": [], "none": ["no onsets"], "2 mrad": ["onsets 2 mrad late"]}[own.onsets]
+    return ", ".join(parts + ([] if own.has_emg else ["no EMG"]) + told)
 
 
 def _list(values):

@@ -111,6 +111,13 @@ BLOCKS: dict[str, tuple[Block, ...]] = {
     "belt": (ramps(), multisine(), weight(1.0), spring(20.0)),
     "athlete": (ramps(), multisine(), weight(2.5), bar(0.005), clamp()),
     "handheld": (multisine(), weight(1.0), bar(0.003)),
+    "unmarked": (ramps(), weight(1.0), clamp()),
+    "triggered": (ramps(), multisine(), weight(1.0), bar(0.004)),
+    "logger": (multisine(duration_s=2.0), weight(1.0), bar(0.003, duration_s=2.0)),
+    "threshold": (ramps(), multisine(), weight(0.8), spring(20.0)),
+    "fieldbus": (ramps(), weight(1.0), bar(0.004, 0.02)),
+    "precise": (ramps(), multisine(duration_s=2.0), weight(1.5), bar(0.004, duration_s=2.0), clamp()),
+    "shaky": (ramps(), weight(0.8), bar(0.003, 0.02), clamp()),
 }
 
 

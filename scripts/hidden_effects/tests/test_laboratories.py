@@ -30,9 +30,14 @@ def test_a_session_of_each_laboratory_loads_as_the_format_says(session, tmp_path
         data = np.genfromtxt(tmp_path / "s" / row["file"], delimiter=",", names=True)
         assert ("emg_fcr_mvc" in data.dtype.names) == laboratory.has_emg
         assert np.allclose(np.diff(data["t_s"]), 1 / laboratory.sample_hz, atol=1e-9)
-        onset = float(row["onset_s"])
-        assert onset >= laboratory.longest_hold_s - laboratory.hold_spread_s - 1e-9 and data["t_s"][-1] - onset >= 0.15
-        moved = data["theta_m_rad"][-1] - data["theta_m_rad"][0]
+        assert (row["onset_s"] == "") == (laboratory.onsets == "none")
+        gone = data["theta_m_rad"] - data["theta_m_rad"][0]
+        if row["onset_s"]:
+            onset = float(row["onset_s"])
+            assert onset >= laboratory.longest_hold_s - laboratory.hold_spread_s - 1e-9 and data["t_s"][-1] - onset >= 0.14
+            stated = gone[round(onset * laboratory.sample_hz)]
+            assert (stated > 0.0015) == (laboratory.onsets == "2 mrad")
+        moved = gone[-1]
         assert moved == pytest.approx(laboratory.amplitude_rad, rel=0.05)
         counts = data["theta_m_rad"] / (2 * np.pi / laboratory.encoder_counts)
         assert np.abs(counts - np.round(counts)).max() < 1e-7 / (2 * np.pi / laboratory.encoder_counts)

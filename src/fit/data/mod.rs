@@ -10,5 +10,6 @@ pub mod motion_errors;
 pub mod motion_in_steps;
 pub mod moving_angle_noise;
 pub mod observations;
+pub mod onset_samples;
 pub mod preprocessing;
 pub mod rig_constants;

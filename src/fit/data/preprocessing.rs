@@ -6,11 +6,12 @@ use super::covariates::{number_conditions, set_covariates};
 use super::further_channels::{samples_of, unscaled};
 use super::hold_noise::{angle_error, noise_stride};
 use super::observations::{EmgGaps, ExcludedTrial, Observations, TrialObservation, mean};
+use super::onset_samples::{RampBegin, ramp_begins};
 use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
 use crate::protocol::Protocol;
-use crate::signal::{FilterError, FilterSpec, Restoration, Section, filter, onset};
+use crate::signal::{FilterError, FilterSpec, Restoration, Section, filter};
 use crate::wrist::mechanisms::Covariates;
 use crate::wrist::{self, Smoothing};
 
@@ -138,8 +139,8 @@ impl Observations {
             let per_nm2 = constants.torque_nonlinearity_per_nm2;
             return Err(PreprocessingError::Nonlinearity { per_nm2, torque_nm });
         }
-        for trial in &usable {
-            match observations.observe(trial) {
+        for (trial, begin) in usable.iter().zip(ramp_begins(&usable, period_s)) {
+            match observations.observe(trial, begin) {
                 Ok(observation) => observations.trials.push(observation),
                 Err(reason) => {
                     observations.excluded_trials.push(ExcludedTrial { trial: trial.number, reason });
@@ -165,9 +166,9 @@ impl Observations {
     }
 
     /// Cuts, filters and levels the record of one trial; the error is the reason why the trial cannot be fitted.
-    fn observe(&self, trial: &Trial) -> Result<TrialObservation, String> {
+    fn observe(&self, trial: &Trial, begin: Option<RampBegin>) -> Result<TrialObservation, String> {
         let record = &trial.record;
-        let Some(onset) = onset_sample(trial, self.period_s) else {
+        let Some(RampBegin { sample: onset, before_stated }) = begin else {
             return Err("no movement of the motor stands out of the noise: no onset found".into());
         };
         let count = record.theta_m_rad.len();
@@ -237,6 +238,7 @@ impl Observations {
             torque_nm: trial.torque_nm,
             direction,
             onset_s: record.start_s + onset as f64 * self.period_s,
+            before_stated_s: before_stated as f64 * self.period_s,
             theta_0_rad,
             torque_0_nm,
             input: wrist::TrialInput { motion, onset: onset - first, covariates: Covariates::default() },
@@ -267,15 +269,6 @@ fn restored(session: &Session, restoration: &Restoration) -> Session {
         }
     }
     session
-}
-
-/// Sample at which the ramp of a trial begins: the onset that the session gives, otherwise the onset detected in the motor
-/// angle; `None` if no movement is detected.
-pub fn onset_sample(trial: &Trial, period_s: f64) -> Option<usize> {
-    match trial.onset_s {
-        Some(onset_s) => Some(libm::round((onset_s - trial.record.start_s) / period_s) as usize),
-        None => onset(&trial.record.theta_m_rad),
-    }
 }
 
 /// Reason why a session cannot be fitted at all.

@@ -63,6 +63,16 @@ pub fn plain_warning(weighting: &Value) -> Option<&'static str> {
     )
 }
 
+/// What a reader must know of a session that states onsets up to `late_s` after its motors have begun to move.
+pub fn late_onset_warning(late_s: f64) -> Option<String> {
+    (late_s > 0.0).then(|| {
+        format!(
+            "onset_s in trials.csv is up to {:.1} ms after the motor has begun to move: the analysis begins where it does",
+            1e3 * late_s
+        )
+    })
+}
+
 /// Results of a fit together with its settings: the contents of the result files.
 #[derive(Debug, Clone)]
 pub struct Results {
@@ -352,6 +362,7 @@ fn json(
             "lever": observations.lever,
             "rig_constants": observations.constants,
             "sample_rate_hz": 1.0 / observations.period_s,
+            "stated_onsets_late_s": observations.stated_onsets_late_s(),
         },
         "model": fit.model.json(),
         "mechanism_values": mechanism_values(fit),

@@ -7,6 +7,7 @@ mod further_channels;
 mod intervals;
 mod model_specification;
 mod noise;
+mod onsets;
 mod optimisation;
 mod session_model;
 
