@@ -84,7 +84,7 @@ class Counts:
 
 FULL = Counts(per_mechanism=10, none=100, alien=30, pair=20)
 VARIED = {  # per_mechanism: of each of its laws
-    "development": Counts(per_mechanism=4, none=100, alien=45, pair=36),
+    "development": Counts(per_mechanism=4, none=100, alien=45, pair=46),
     "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20),
 }
 
@@ -133,7 +133,9 @@ def varied_cases(whose: str, counts: Counts, first_seed: int | None = None, size
     effects = [law for law in laws for _ in range(counts.per_mechanism)]
     effects += ["none"] * counts.none
     effects += [f"alien:{aliens[i % len(aliens)]}" for i in range(counts.alien)]
-    effects += ["+".join(law_of[m] for m in PAIRS[i % len(PAIRS)].split("+")) for i in range(counts.pair)]
+    # Two further in each round, so that no pair meets the same few laboratories again and again.
+    pairs = (PAIRS[(i + 2 * (i // len(PAIRS))) % len(PAIRS)] for i in range(counts.pair))
+    effects += ["+".join(law_of[m] for m in pair.split("+")) for pair in pairs]
     if first_seed not in seeds or first_seed + len(effects) - 1 not in seeds:
         raise ValueError(f"the seeds of {whose} are {seeds.start} to {seeds.stop - 1}")
     turn = cycle(fine_enough(whose))
