@@ -231,7 +231,7 @@ mod tests {
         let angles: Vec<&[f64]> = motions.iter().map(Vec::as_slice).collect();
         let late = late_by(&angles, &[156; 8], 10, 20).unwrap();
         assert!((5..=7).contains(&late.samples) && !late.is_visible, "{late:?}");
-        assert!(late_by(&angles, &[160; 8], 10, 20).unwrap().is_visible);
+        assert!(late_by(&angles, &[165; 8], 10, 20).unwrap().is_visible);
     }
 
     #[test]
