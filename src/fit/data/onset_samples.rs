@@ -149,9 +149,10 @@ fn late_by(angles: &[&[f64]], onsets: &[usize], rest: usize, latest: usize) -> O
     let (first, second) = (passes(far)?, passes(8.0 * far)?);
     let onset = (latest + rest) as f64;
     let samples = (onset - libm::floor(2.0 * first - second)).max(0.0) as usize;
-    let gone = |sample: usize| (together[sample] - together[sample - rest / 4 - 1]) * way.signum();
-    let fastest = (rest..together.len()).map(gone).fold(0.0, f64::max);
-    let is_visible = first < onset && gone(latest + rest) > TURNING * fastest;
+    // Over a fourth of the rest, so that the steps of an encoder weigh little.
+    let turned = |sample: usize| (together[sample] - together[sample - rest / 4 - 1]) * way.signum();
+    let fastest = (rest..together.len()).map(turned).fold(0.0, f64::max);
+    let is_visible = first < onset && turned(latest + rest) > TURNING * fastest;
     Some(Lateness { samples: samples.min(latest), is_visible })
 }
 
