@@ -36,7 +36,7 @@ class Laboratory:
     gauge_noise: float = 1.0  # times 6-20 mN m
     gauge_spectrum: str = "white"  # see noise.SPECTRA
     has_emg: bool = True
-    onsets: str = "command"  # how trials.csv states them, see session_writer.ONSETS
+    onsets: str = "command"  # how trials.csv states them: as commanded, "none", or "2 mrad": where the record has moved so far
     rig_trials: str = "paper"  # see rig.loads.BLOCKS
 
     @property

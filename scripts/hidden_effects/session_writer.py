@@ -11,9 +11,7 @@ from .rig.writer import write_rig_trials
 COLUMNS = {"t_s": "%.4f", "theta_m_rad": "%.7f", "torque_l_nm": "%.5f"}
 EMG_COLUMNS = {"emg_fcr_mvc": "%.4f", "emg_ecr_mvc": "%.4f"}
 
-# How `trials.csv` states the onset of a trial: as commanded, not at all, or where the record has moved by so much.
-ONSETS = ("command", "none", "2 mrad")
-NOTICED_RAD = 0.002
+NOTICED_RAD = 0.002  # where the onset is stated when the record has moved
 
 
 def write_session(session: Session, folder: Path) -> None:
@@ -37,16 +35,20 @@ def write_session(session: Session, folder: Path) -> None:
 
 
 def _onset(session, i) -> str:
+    laboratory = session.scenario.laboratory
     commanded_s = -session.t_s[session.first[i]]
-    stated = session.scenario.laboratory.onsets
-    if stated == "none":
-        return ""
-    if stated == "command":
-        return f"{commanded_s:.4f}"
-    angle = session.theta_m_rad[i, session.first[i]:]
-    rest = angle[:round(0.5 * commanded_s * session.scenario.laboratory.sample_hz)].mean()
-    noticed = int(np.argmax(np.abs(angle - rest) > NOTICED_RAD))
-    return f"{noticed / session.scenario.laboratory.sample_hz:.4f}"
+    match laboratory.onsets:
+        case "command":
+            return f"{commanded_s:.4f}"
+        case "none":
+            return ""
+        case "2 mrad":
+            angle = session.theta_m_rad[i, session.first[i]:]
+            rest = angle[:round(0.5 * commanded_s * laboratory.sample_hz)].mean()
+            noticed = int(np.argmax(np.abs(angle - rest) > NOTICED_RAD))
+            return f"{noticed / laboratory.sample_hz:.4f}"
+        case other:
+            raise ValueError(f"onsets {other!r}: expected command, none or 2 mrad")
 
 
 def _write_trial(session, i, path):

@@ -1,24 +1,6 @@
-//! The steps of the recorded angle, and the errors that they make along a motion.
+//! The errors that the steps of the recorded angle make along a motion.
 
 use crate::random::Stream;
-
-/// Size of the encoder's step: the smallest difference between two samples in a row that is not zero. Of an angle without steps it is
-/// next to nothing, and so is the error that follows from it.
-pub fn smallest_step<'a>(angles: impl Iterator<Item = &'a [f64]>) -> f64 {
-    let largest = |values: &[f64]| values.iter().fold(0.0, |far: f64, value| far.max(value.abs()));
-    let mut smallest = f64::INFINITY;
-    for angle in angles {
-        // Differences of rounding are no steps.
-        let rounding = 4.0 * f64::EPSILON * largest(angle);
-        for pair in angle.windows(2) {
-            let step = (pair[1] - pair[0]).abs();
-            if step > rounding {
-                smallest = smallest.min(step);
-            }
-        }
-    }
-    if smallest.is_finite() { smallest } else { 0.0 }
-}
 
 /// Positions of the encoder's steps that the angle may have had, as parts of a step: the records do not tell which.
 pub fn step_positions(count: usize, stream: &mut Stream) -> Vec<f64> {
@@ -40,6 +22,7 @@ pub fn step_error_rad(motion_rad: &[f64], step_rad: f64, position: f64) -> Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::signal::smallest_step;
 
     #[test]
     fn the_step_is_found_and_its_error_is_uniform() {

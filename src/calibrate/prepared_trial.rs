@@ -2,11 +2,11 @@
 
 use rustfft::num_complex::Complex64;
 
-use super::encoder::smallest_step;
 use super::fourier::Fourier;
 use super::noise::PowerSpectrum;
 use crate::dataset::{RIG_TRIAL_REST_S, RigTrial, RigTrialMotion};
 use crate::protocol::RigLoad;
+use crate::signal::smallest_step;
 
 /// Highest frequency of the fit, Hz: three times the cut-off of the paper's filter, above which no analysis of a person looks. At low
 /// sample rates it is a quarter of the rate.

@@ -1,14 +1,16 @@
 //! From raw samples to the values that the fit compares: low-pass filter, onset of the ramp, noise of the hold, sinusoid in the hold.
 
+mod encoder_step;
 mod filter;
 mod noise_covariance;
 mod onset;
 mod restoration;
 mod sinusoid;
 
+pub use encoder_step::smallest_step;
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
 pub use noise_covariance::NoiseCovariance;
-pub use onset::{onset, smallest_step};
+pub use onset::{farthest, onset};
 pub use restoration::Restoration;
 pub use sinusoid::Sinusoid;
 

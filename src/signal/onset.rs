@@ -1,5 +1,7 @@
 //! Detection of the ramp's onset in recordings that do not state it.
 
+use super::encoder_step::smallest_step;
+
 /// A motor stands still where it is within this part of its way, a fortieth of the tenth by which a ramp is found: at the place that is
 /// looked at, a ramp that rises with the third power of time moves by more than twice as much.
 const STILL: f64 = 2.5e-3;
@@ -20,10 +22,7 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
     let rest = &theta_rad[..count / 20];
     let level = mean(rest);
     let noise = libm::sqrt(rest.iter().map(|x| (x - level) * (x - level)).sum::<f64>() / rest.len() as f64);
-    let way = theta_rad
-        .iter()
-        .map(|x| x - level)
-        .fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far });
+    let way = farthest(theta_rad.iter().map(|x| x - level));
     if way.abs() < 20.0 * noise || way == 0.0 {
         return None;
     }
@@ -40,14 +39,14 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
     let stands_still = !close.is_empty() && spread(close) < STILL * way.abs();
     let near = if moved < 18 * second_tenth && stands_still { close } else { far };
     let (level, spread) = (mean(near), spread(near));
-    let band = spread.max(3e-4 * way.abs()).max(RESTING_STEPS * smallest_step(&theta_rad[..moved]));
+    let band =
+        spread.max(3e-4 * way.abs()).max(RESTING_STEPS * smallest_step([&theta_rad[..moved]].into_iter()));
     theta_rad[..moved].iter().rposition(|x| (x - level) * way.signum() <= band)
 }
 
-/// Smallest change from one sample to the next: a step of the encoder, or next to nothing where there are no steps.
-pub fn smallest_step(values: &[f64]) -> f64 {
-    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    changes.filter(|change| *change > 0.0).min_by(f64::total_cmp).unwrap_or(0.0)
+/// The value that is farthest from zero, with its sign.
+pub fn farthest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far })
 }
 
 /// Largest distance from the mean.

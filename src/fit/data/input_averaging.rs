@@ -5,7 +5,7 @@
 //! of the servo, too much damping of the lever) would then seem to improve the model.
 
 use super::chosen_smoothing::{AngleRecords, smoothing};
-use super::observations::{Observations, TrialObservation};
+use super::observations::{Observations, TrialObservation, mean_signal};
 use crate::statistics::group_indices;
 use crate::wrist::{Kinematics, Smoothing};
 
@@ -36,8 +36,7 @@ impl AlikeTrials {
         let angles: Vec<Vec<f64>> = own().map(|trial| aligned(trial, &trial.angle_rad)).collect();
         let loads = own().map(|trial| aligned(trial, &trial.load_nm)).collect();
         let conditions = own().map(|trial| trial.condition).collect();
-        let mean_at = |sample: usize| angles.iter().map(|own| own[sample]).sum::<f64>() / angles.len() as f64;
-        let mean = (0..onset + after).map(mean_at).collect();
+        let mean = mean_signal(&angles);
         Self { trials, conditions, onset, angles, loads, mean }
     }
 

@@ -294,6 +294,13 @@ impl Observations {
     }
 }
 
+/// Mean of signals of the same length, sample by sample.
+pub(super) fn mean_signal(signals: &[impl AsRef<[f64]>]) -> Vec<f64> {
+    let count = signals.len() as f64;
+    let mean_at = |sample: usize| signals.iter().map(|own| own.as_ref()[sample]).sum::<f64>() / count;
+    (0..signals.first().map_or(0, |own| own.as_ref().len())).map(mean_at).collect()
+}
+
 /// Mean of `values`; 0 for an empty slice.
 pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64

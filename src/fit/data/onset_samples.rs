@@ -4,9 +4,9 @@
 //! that their records together say how late. Behind a coarse encoder a ramp that is one sample late differs from the others by tens of steps,
 //! more than any servo gives way to its load; and all that moved before the onset would be counted as rest.
 
-use super::observations::mean;
+use super::observations::{mean, mean_signal};
 use crate::dataset::Trial;
-use crate::signal::{onset, smallest_step};
+use crate::signal::{farthest, onset, smallest_step};
 use crate::statistics::{group_indices, upper_median};
 
 /// Time before an onset over which the rest is averaged, s.
@@ -103,8 +103,8 @@ fn common_onsets(angles: &[&[f64]], onsets: &[usize], rest: usize) -> Vec<usize>
 /// too short to say.
 fn leads(angles: &[&[f64]], onsets: &[usize], rest: usize) -> Option<Vec<f64>> {
     let moved = about(angles, onsets, rest)?;
-    let together = mean_of(&moved);
-    let way = way(&together);
+    let together = mean_signal(&moved);
+    let way = farthest(together.iter().copied());
     let compared = (rest..together.len()).find(|sample| together[*sample] / way > COMPARED_PART)?;
     let places = rest..compared.min(together.len().checked_sub(2)?);
     let speed: Vec<f64> =
@@ -133,12 +133,12 @@ struct Lateness {
 /// the way stands out of the rest to eight times as far as it took up to there.
 fn late_by(angles: &[&[f64]], onsets: &[usize], rest: usize, latest: usize) -> Option<Lateness> {
     let moved = about(angles, onsets, latest + rest)?;
-    let together = mean_of(&moved);
-    let way = way(&together);
+    let together = mean_signal(&moved);
+    let way = farthest(together.iter().copied());
     let level = mean(&together[..rest]);
     let (low, high) =
         together[..rest].iter().fold((f64::MAX, f64::MIN), |(low, high), own| (own.min(low), own.max(high)));
-    let step = angles.iter().map(|own| smallest_step(own)).fold(f64::INFINITY, f64::min);
+    let step = smallest_step(angles.iter().copied());
     let (steps, drifts, part) = STANDS_OUT;
     let far = (steps * step).max(drifts * (high - low)).max(part * way.abs());
     let passes = |far: f64| -> Option<f64> {
@@ -165,16 +165,6 @@ fn about(angles: &[&[f64]], onsets: &[usize], before: usize) -> Option<Vec<Vec<f
         Some(angle[first..*onset + after].iter().map(|own| own - level).collect())
     };
     angles.iter().zip(onsets).map(moved).collect()
-}
-
-fn mean_of(motions: &[Vec<f64>]) -> Vec<f64> {
-    let mean_at = |sample: usize| motions.iter().map(|own| own[sample]).sum::<f64>() / motions.len() as f64;
-    (0..motions[0].len()).map(mean_at).collect()
-}
-
-/// The farthest that a motion goes, with its sign.
-fn way(motion: &[f64]) -> f64 {
-    motion.iter().fold(0.0, |far: f64, own| if own.abs() > far.abs() { *own } else { far })
 }
 
 /// The samples nearest to `begins`, all at the same place of the motion if the samples are, and as near to `onsets` as that allows.

@@ -11,6 +11,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::data::input_averaging::AlikeTrials;
+use crate::fit::data::observations::mean_signal;
 use crate::signal::{Section, filter};
 use crate::wrist::Smoothing;
 
@@ -124,8 +125,7 @@ fn means_of_conditions(group: &AlikeTrials) -> TrialSignals {
             .filter(|(own, _)| *own == condition)
             .map(|(_, load)| load)
             .collect();
-        let mean_at = |sample| alike.iter().map(|load| load[sample]).sum::<f64>() / alike.len() as f64;
-        (0..group.mean.len()).map(mean_at).collect()
+        mean_signal(&alike)
     };
     group.conditions.iter().map(mean).collect()
 }
@@ -138,10 +138,9 @@ fn own_stiffness(group: &AlikeTrials, recorded: &[f64], of_condition: &[f64]) ->
 }
 
 fn beside_the_mean(mut signals: TrialSignals) -> TrialSignals {
-    let count = signals.len() as f64;
-    for sample in 0..signals[0].len() {
-        let mean = signals.iter().map(|signal| signal[sample]).sum::<f64>() / count;
-        signals.iter_mut().for_each(|signal| signal[sample] -= mean);
+    let mean = mean_signal(&signals);
+    for signal in &mut signals {
+        signal.iter_mut().zip(&mean).for_each(|(own, mean)| *own -= mean);
     }
     signals
 }
