@@ -127,7 +127,7 @@ impl NativeMotion {
             torque_nm: given.torque_nm,
             direction: 1.0,
             onset_s: given.onset as f64 * period_s,
-            before_stated_s: 0.0,
+            stated_late_s: 0.0,
             theta_0_rad: 0.0,
             torque_0_nm: given.torque_nm,
             angle_rad: theta.to_vec(),

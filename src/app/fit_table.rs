@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use crate::fit::{
-    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, late_onset_warning,
-    plain_warning, reflex_warning, torque_falls,
+    ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, onset_warnings, plain_warning,
+    reflex_warning, torque_falls,
 };
 use crate::report::SHOWN;
 use crate::wrist::BASE_PARAMETERS;
@@ -62,8 +62,9 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     if let Some(warning) = plain_warning(&results.json["settings"]["weighting"]) {
         writeln!(out, "{warning}")?;
     }
-    let late_s = results.json["settings"]["stated_onsets_late_s"].as_f64();
-    if let Some(warning) = late_s.and_then(late_onset_warning) {
+    let [late_s, early_s] = ["stated_onsets_late_s", "stated_onsets_early_s"]
+        .map(|name| results.json["settings"][name].as_f64().unwrap_or(0.0));
+    for warning in onset_warnings(late_s, early_s) {
         writeln!(out, "{warning}")?;
     }
     let several: Vec<&TrialEstimate> =

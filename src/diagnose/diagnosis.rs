@@ -28,7 +28,7 @@ use super::within_trial::null_distribution::{MISFIT_LEVEL, MisfitStatistics};
 use super::within_trial::residual_terms::{ResidualDescription, residual_term};
 use super::within_trial::score_test::{UndetectableMechanism, probe_context};
 use super::within_trial::tested_fit::TestedFit;
-use crate::fit::{Fit, Model, Observations, Weighting, X_E, coarse_angle, late_onset_warning};
+use crate::fit::{Fit, Model, Observations, Weighting, X_E, coarse_angle, onset_warnings};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{EvidenceSource, MechanismClass, MechanismKind};
 
@@ -123,7 +123,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
             look.usable_trials
         ));
     }
-    remarks.extend(late_onset_warning(observations.stated_onsets_late_s()));
+    remarks.extend(onset_warnings(observations.stated_onsets_late_s(), observations.stated_onsets_early_s()));
     if let Some(reason) = not_described(observations, &before) {
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);

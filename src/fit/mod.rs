@@ -59,7 +59,7 @@ pub use output::estimates::{
     session_estimates, torque_falls, with_rig_errors,
 };
 pub use output::result_files::{
-    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, best_vaf, fit_header, fit_row, late_onset_warning,
+    DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, best_vaf, fit_header, fit_row, onset_warnings,
     plain_warning, reflex_warning, write_files,
 };
 pub use parameters::component::{Component, Position};

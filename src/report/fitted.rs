@@ -105,6 +105,9 @@ pub struct FitSettings {
     /// Longest time by which stated onsets are after the motor has begun to move, s; older programs took every onset as stated.
     #[serde(default)]
     pub stated_onsets_late_s: f64,
+    /// The same before it.
+    #[serde(default)]
+    pub stated_onsets_early_s: f64,
     /// The constants of the rig by which the records became angle and torque; older programs used those that the session states.
     pub rig_constants: Option<RigConstants>,
     /// Sum of the file that they were measured in.

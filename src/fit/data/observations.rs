@@ -115,8 +115,8 @@ pub struct TrialObservation {
     pub direction: f64,
     /// Onset of the ramp on the time axis of the record, s.
     pub onset_s: f64,
-    /// By how much that is before the onset that the session states, s; 0 if it is not, or none is stated.
-    pub before_stated_s: f64,
+    /// By how much the onset that the session states is after that, or before it if negative, s; 0 if none is stated.
+    pub stated_late_s: f64,
     /// Mean motor angle before the ramp, rad.
     pub theta_0_rad: f64,
     /// Mean torque before the ramp, N m.
@@ -285,7 +285,12 @@ impl Observations {
 
     /// Longest time by which onsets that the session states are after the motor has begun to move, s; 0 if none is.
     pub fn stated_onsets_late_s(&self) -> f64 {
-        self.trials.iter().map(|trial| trial.before_stated_s).fold(0.0, f64::max)
+        self.trials.iter().map(|trial| trial.stated_late_s).fold(0.0, f64::max)
+    }
+
+    /// Longest time by which onsets that the session states are so early that the motor has not followed, s; 0 if none is.
+    pub fn stated_onsets_early_s(&self) -> f64 {
+        self.trials.iter().map(|trial| -trial.stated_late_s).fold(0.0, f64::max)
     }
 
     /// Number of samples before the ramp over which filtered torque and angle are averaged.

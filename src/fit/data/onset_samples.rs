@@ -27,6 +27,10 @@ const TURNING: f64 = 0.05;
 /// Longest time by which an onset is late, s: of a speed that rises over 30 ms, the check of the input refuses what is later.
 const LATEST_ONSET_S: f64 = 0.020;
 
+/// A stated onset is early where the motors begin to turn this long after it, s: a servo follows its command sooner, and what is stated is no
+/// onset of a ramp.
+const EARLY_S: f64 = 0.005;
+
 /// Most rounds of comparing the motions with their mean and moving the onsets; two are usual.
 const ALIGNMENT_ROUNDS: usize = 5;
 
@@ -44,13 +48,13 @@ pub fn onset_sample(trial: &Trial, period_s: f64) -> Option<usize> {
 pub struct RampBegin {
     /// The last sample before the motor moves.
     pub sample: usize,
-    /// By how many samples that is before the onset that the session states; 0 if it is not, or none is stated.
-    pub before_stated: usize,
+    /// By how many samples the onset that the session states is after it, or before it if negative; 0 if none is stated.
+    pub stated_late: isize,
 }
 
 /// Where the ramp of each trial begins, by all trials of its velocity together; `None` where no movement is detected. Stated onsets are taken
-/// as they are, unless the motors have visibly moved by then.
-pub fn ramp_begins(trials: &[&Trial], period_s: f64) -> Vec<Option<RampBegin>> {
+/// as they are, unless the motors have visibly moved by then, or begin to move much later and the records have a `window` of samples from there.
+pub fn ramp_begins(trials: &[&Trial], period_s: f64, window: usize) -> Vec<Option<RampBegin>> {
     let samples = |time_s: f64| (libm::round(time_s / period_s) as usize).max(2);
     let single: Vec<Option<usize>> = trials.iter().map(|trial| onset_sample(trial, period_s)).collect();
     let known: Vec<usize> = (0..trials.len()).filter(|place| single[*place].is_some()).collect();
@@ -65,19 +69,27 @@ pub fn ramp_begins(trials: &[&Trial], period_s: f64) -> Vec<Option<RampBegin>> {
             places.iter().map(|place| trials[*place].record.theta_m_rad.as_slice()).collect();
         let onsets: Vec<usize> = places.iter().filter_map(|place| single[*place]).collect();
         let (rest, latest) = (samples(REST_BEFORE_S), samples(LATEST_ONSET_S));
-        let is_taken =
-            is_stated && !late_by(&angles, &onsets, rest, latest).is_some_and(|late| late.is_visible);
-        let (common, late) = if is_taken {
-            (onsets.clone(), 0)
-        } else {
+        let is_off = |late: Lateness| late.is_visible || -late.samples > samples(EARLY_S) as isize;
+        let is_taken = is_stated && !late_by(&angles, &onsets, rest, latest).is_some_and(is_off);
+        let begins_of = || -> Vec<usize> {
             let common = common_onsets(&angles, &onsets, rest);
             let late = late_by(&angles, &common, rest, latest).map_or(0, |late| late.samples);
-            (common, late)
+            // The motor has begun to move where an onset is found.
+            let late = if is_stated { late } else { late.max(0) };
+            common.iter().map(|onset| onset.saturating_add_signed(-late)).collect()
         };
-        for ((place, onset), common) in places.into_iter().zip(onsets).zip(common) {
-            let sample = common - late;
-            let before_stated = if is_stated { onset.saturating_sub(sample) } else { 0 };
-            begins[place] = Some(RampBegin { sample, before_stated });
+        let found = if is_taken { onsets.clone() } else { begins_of() };
+        let fits = |((found, onset), angle): ((&usize, &usize), &&[f64])| {
+            found <= onset || found + window <= angle.len()
+        };
+        let found = if is_stated && !found.iter().zip(&onsets).zip(&angles).all(fits) {
+            onsets.clone()
+        } else {
+            found
+        };
+        for ((place, onset), sample) in places.into_iter().zip(onsets).zip(found) {
+            let stated_late = if is_stated { onset as isize - sample as isize } else { 0 };
+            begins[place] = Some(RampBegin { sample, stated_late });
         }
     }
     begins
@@ -120,13 +132,13 @@ fn leads(angles: &[&[f64]], onsets: &[usize], rest: usize) -> Option<Vec<f64>> {
 /// How late onsets are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Lateness {
-    /// Number of samples.
-    samples: usize,
+    /// Number of samples; negative if the motion begins later.
+    samples: isize,
     /// The motion stands out of the rest at the onset already, and is no drift.
     is_visible: bool,
 }
 
-/// How late the `onsets` of motions that are alike are, at most `latest`; `None` if the records are too short to say. `rest` is the number of
+/// How late the `onsets` of motions that are alike are, at most `latest`, or how early if that is negative; `None` if the records are too short to say. `rest` is the number of
 /// samples over which the rest is averaged.
 ///
 /// A speed that rises smoothly grows at first with the square of time or faster, and the way with its third power: it takes as long from where
@@ -148,12 +160,12 @@ fn late_by(angles: &[&[f64]], onsets: &[usize], rest: usize, latest: usize) -> O
     };
     let (first, second) = (passes(far)?, passes(8.0 * far)?);
     let onset = (latest + rest) as f64;
-    let samples = (onset - libm::floor(2.0 * first - second)).max(0.0) as usize;
+    let samples = (onset - libm::floor(2.0 * first - second)) as isize;
     // Over a fourth of the rest, so that the steps of an encoder weigh little.
     let turned = |sample: usize| (together[sample] - together[sample - rest / 4 - 1]) * way.signum();
     let fastest = (rest..together.len()).map(turned).fold(0.0, f64::max);
     let is_visible = first < onset && turned(latest + rest) > TURNING * fastest;
-    Some(Lateness { samples: samples.min(latest), is_visible })
+    Some(Lateness { samples: samples.min(latest as isize), is_visible })
 }
 
 /// The motions from `before` samples before their onsets on, less the rest there; `None` if a record does not begin early enough.

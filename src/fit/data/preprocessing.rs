@@ -139,7 +139,7 @@ impl Observations {
             let per_nm2 = constants.torque_nonlinearity_per_nm2;
             return Err(PreprocessingError::Nonlinearity { per_nm2, torque_nm });
         }
-        for (trial, begin) in usable.iter().zip(ramp_begins(&usable, period_s)) {
+        for (trial, begin) in usable.iter().zip(ramp_begins(&usable, period_s, samples)) {
             match observations.observe(trial, begin) {
                 Ok(observation) => observations.trials.push(observation),
                 Err(reason) => {
@@ -168,7 +168,7 @@ impl Observations {
     /// Cuts, filters and levels the record of one trial; the error is the reason why the trial cannot be fitted.
     fn observe(&self, trial: &Trial, begin: Option<RampBegin>) -> Result<TrialObservation, String> {
         let record = &trial.record;
-        let Some(RampBegin { sample: onset, before_stated }) = begin else {
+        let Some(RampBegin { sample: onset, stated_late }) = begin else {
             return Err("no movement of the motor stands out of the noise: no onset found".into());
         };
         let count = record.theta_m_rad.len();
@@ -238,7 +238,7 @@ impl Observations {
             torque_nm: trial.torque_nm,
             direction,
             onset_s: record.start_s + onset as f64 * self.period_s,
-            before_stated_s: before_stated as f64 * self.period_s,
+            stated_late_s: stated_late as f64 * self.period_s,
             theta_0_rad,
             torque_0_nm,
             input: wrist::TrialInput { motion, onset: onset - first, covariates: Covariates::default() },

@@ -63,14 +63,17 @@ pub fn plain_warning(weighting: &Value) -> Option<&'static str> {
     )
 }
 
-/// What a reader must know of a session that states onsets up to `late_s` after its motors have begun to move.
-pub fn late_onset_warning(late_s: f64) -> Option<String> {
-    (late_s > 0.0).then(|| {
-        format!(
-            "onset_s in trials.csv is up to {:.1} ms after the motor has begun to move: the analysis begins where it does",
-            1e3 * late_s
-        )
-    })
+/// What a reader must know of a session that states onsets up to `late_s` after its motors have begun to move, or up to `early_s` before.
+pub fn onset_warnings(late_s: f64, early_s: f64) -> Vec<String> {
+    let own = |(by_s, side): (f64, &str)| {
+        (by_s > 0.0).then(|| {
+            format!(
+                "onset_s in trials.csv is up to {:.1} ms {side} the motor begins to move: the analysis begins where it does",
+                1e3 * by_s
+            )
+        })
+    };
+    [(late_s, "after"), (early_s, "before")].into_iter().filter_map(own).collect()
 }
 
 /// Results of a fit together with its settings: the contents of the result files.
@@ -363,6 +366,7 @@ fn json(
             "rig_constants": observations.constants,
             "sample_rate_hz": 1.0 / observations.period_s,
             "stated_onsets_late_s": observations.stated_onsets_late_s(),
+            "stated_onsets_early_s": observations.stated_onsets_early_s(),
         },
         "model": fit.model.json(),
         "mechanism_values": mechanism_values(fit),

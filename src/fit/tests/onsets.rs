@@ -1,4 +1,4 @@
-//! Onsets that a session states late, or does not state.
+//! Onsets that a session states late or early, or does not state.
 
 use super::*;
 
@@ -18,16 +18,18 @@ fn with_onsets(session: &Session, onset_s: impl Fn(f64) -> Option<f64>) -> Sessi
 /// What the motor had moved before the onset counted as rest: of an onset 8 ms late, a diagnosis made causes of the lever with 80 standard
 /// errors.
 #[test]
-fn onsets_that_are_late_or_not_stated_give_the_same_wrist() {
+fn onsets_that_are_late_or_early_or_not_stated_give_the_same_wrist() {
     let session = SyntheticSession { noise_nm: 0.005, ..SyntheticSession::new(2) }.session();
     let (exact, truth) = fitted(&session);
-    assert_eq!(exact.stated_onsets_late_s(), 0.0);
+    assert_eq!([exact.stated_onsets_late_s(), exact.stated_onsets_early_s()], [0.0, 0.0]);
     for (name, changed) in [
         ("late", with_onsets(&session, |onset_s| Some(onset_s + 0.008))),
+        ("early", with_onsets(&session, |onset_s| Some(onset_s - 0.012))),
         ("none", with_onsets(&session, |_| None)),
     ] {
         let (observations, parameters) = fitted(&changed);
         assert_eq!(observations.stated_onsets_late_s() > 0.004, name == "late", "{name}");
+        assert_eq!(observations.stated_onsets_early_s() > 0.008, name == "early", "{name}");
         for (trial, exact) in observations.trials.iter().zip(&exact.trials) {
             let late_s = trial.onset_s - exact.onset_s;
             assert!((-0.004..0.002).contains(&late_s), "{name}, trial {}: {late_s} s", trial.number);

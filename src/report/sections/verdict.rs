@@ -1,7 +1,7 @@
 //! The verdict: whether the model is adequate, what is wrong, and how much that changes k_srs and x_e.
 
 use super::ReportSection;
-use crate::fit::{DESCRIBING_VAF, late_onset_warning, plain_warning, reflex_warning};
+use crate::fit::{DESCRIBING_VAF, onset_warnings, plain_warning, reflex_warning};
 use crate::report::bias::{MeanChange, as_fitted};
 use crate::report::diagnosed::{Candidate, Diagnosed, DiagnosedCause, parameter_in_words};
 use crate::report::fitted::{Fitted, SHOWN, SPOKEN_OF, Shown};
@@ -81,7 +81,8 @@ fn warnings(section: &mut ReportSection, input: &ReportInput) {
     if let Some(warning) = plain_warning(&fitted.settings.weighting.as_str().into()) {
         statement(section, "", warning);
     }
-    if let Some(warning) = late_onset_warning(fitted.settings.stated_onsets_late_s) {
+    let settings = &fitted.settings;
+    for warning in onset_warnings(settings.stated_onsets_late_s, settings.stated_onsets_early_s) {
         statement(section, "", &warning);
     }
     if let Some(warning) = reflex_warning(fitted.settings.window_s, &fitted.model) {
