@@ -68,31 +68,46 @@ pub fn ramp_begins(trials: &[&Trial], period_s: f64, window: usize) -> Vec<Optio
         let angles: Vec<&[f64]> =
             places.iter().map(|place| trials[*place].record.theta_m_rad.as_slice()).collect();
         let onsets: Vec<usize> = places.iter().filter_map(|place| single[*place]).collect();
-        let (rest, latest) = (samples(REST_BEFORE_S), samples(LATEST_ONSET_S));
-        let is_off = |late: Lateness| late.is_visible || -late.samples > samples(EARLY_S) as isize;
-        let is_taken = is_stated && !late_by(&angles, &onsets, rest, latest).is_some_and(is_off);
-        let begins_of = || -> Vec<usize> {
-            let common = common_onsets(&angles, &onsets, rest);
-            let late = late_by(&angles, &common, rest, latest).map_or(0, |late| late.samples);
-            // The motor has begun to move where an onset is found.
-            let late = if is_stated { late } else { late.max(0) };
-            common.iter().map(|onset| onset.saturating_add_signed(-late)).collect()
-        };
-        let found = if is_taken { onsets.clone() } else { begins_of() };
-        let fits = |((found, onset), angle): ((&usize, &usize), &&[f64])| {
-            found <= onset || found + window <= angle.len()
-        };
-        let found = if is_stated && !found.iter().zip(&onsets).zip(&angles).all(fits) {
-            onsets.clone()
+        let begin = if is_stated {
+            begins_of_stated(&angles, &onsets, &samples, window)
         } else {
-            found
+            begins_of_found(&angles, &onsets, &samples)
         };
-        for ((place, onset), sample) in places.into_iter().zip(onsets).zip(found) {
+        for ((place, onset), sample) in places.into_iter().zip(onsets).zip(begin) {
             let stated_late = if is_stated { onset as isize - sample as isize } else { 0 };
             begins[place] = Some(RampBegin { sample, stated_late });
         }
     }
     begins
+}
+
+/// Where motions that are alike begin, of which each is seen to move at one of the `onsets`.
+fn begins_of_found(angles: &[&[f64]], onsets: &[usize], samples: &impl Fn(f64) -> usize) -> Vec<usize> {
+    let (rest, latest) = (samples(REST_BEFORE_S), samples(LATEST_ONSET_S));
+    let common = common_onsets(angles, onsets, rest);
+    let late = late_by(angles, &common, rest, latest).map_or(0, |late| late.samples.max(0));
+    common.iter().map(|onset| onset.saturating_add_signed(-late)).collect()
+}
+
+/// Where motions that are alike begin, of which each is stated to begin at one of the `onsets`: there, unless that is visibly late or early.
+fn begins_of_stated(
+    angles: &[&[f64]],
+    onsets: &[usize],
+    samples: &impl Fn(f64) -> usize,
+    window: usize,
+) -> Vec<usize> {
+    let (rest, latest) = (samples(REST_BEFORE_S), samples(LATEST_ONSET_S));
+    let is_off = |late: Lateness| late.is_visible || -late.samples > samples(EARLY_S) as isize;
+    if !late_by(angles, onsets, rest, latest).is_some_and(is_off) {
+        return onsets.to_vec();
+    }
+    let common = common_onsets(angles, onsets, rest);
+    let late = late_by(angles, &common, rest, latest).map_or(0, |late| late.samples);
+    let begins: Vec<usize> = common.iter().map(|onset| onset.saturating_add_signed(-late)).collect();
+    let fits = |((begin, onset), angle): ((&usize, &usize), &&[f64])| {
+        begin <= onset || begin + window <= angle.len()
+    };
+    if begins.iter().zip(onsets).zip(angles).all(fits) { begins } else { onsets.to_vec() }
 }
 
 /// The `onsets` of motions that are alike, moved so that all are at the same place of the motion, and by as little as possible. `rest` is the
