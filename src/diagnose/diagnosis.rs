@@ -349,9 +349,12 @@ fn compared_models<'a>(
     let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
     let prior = SessionPrior::new(observations, before, probe_context(observations), look.rig.clone());
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
-    let given = TestedFit::new(observations, before, Vec::new(), &[], &search.prior, seed);
+    let mut given = TestedFit::new(observations, before, Vec::new(), &[], &search.prior, seed);
     stage("fitting the mechanisms of the catalogue");
-    search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
+    if search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL) {
+        let none = &search.models[0];
+        given = tested(&search, none, &fit_with_causes(&search, none), seed);
+    }
     stage("fitting unknown laws");
     search.add_free_laws();
     stage("fitting pairs of mechanisms");
@@ -362,11 +365,7 @@ fn compared_models<'a>(
     search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
     stage("looking for trials that do not belong");
     if let Some(kind) = kinds.iter().copied().find(|kind| kind.evidence() == EvidenceSource::SingleTrials) {
-        search.add_outliers(0, kind);
-        let single = search.best_with(1);
-        if single > 0 {
-            search.add_outliers(single, kind);
-        }
+        search.add_outliers(kind);
     }
     search.add_told_causes();
     Some(Comparison { search, given, single: (best, fit, tested) })
@@ -396,7 +395,13 @@ fn fit_with_causes(search: &ModelSearch, model: &ComparedModel) -> Fit {
     for kind in model.causes.iter().filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials) {
         fit = with_effect_in_parameters(search.observations(), &fit, *kind);
     }
-    fit.extended(search.observations(), &fit.model).with_shrinkage(search.observations())
+    // Without shrinkage a trial may leave the optimum that the posterior has, and so may its target.
+    let observations = search.observations();
+    let (kept, freed) = (
+        fit.with_shrinkage(observations),
+        fit.extended(observations, &fit.model).with_shrinkage(observations),
+    );
+    if kept.cost() < freed.cost() { kept } else { freed }
 }
 
 /// Number of checks of the best model (within the trials, across them, and of its freedom): the factor of the Bonferroni correction.

@@ -206,7 +206,9 @@ impl CausesInWindow {
         let search = MechanismSearch::new(&observations, &base);
         let with = |kind: &MechanismKind| {
             let model = Model::paper().with(*kind);
-            search.complete(&search.screen(slice::from_ref(&model))).refined(&observations)
+            search
+                .complete(&search.continued(search.start(slice::from_ref(&model)), None))
+                .refined(&observations)
         };
         let fits = causes.par_iter().map(with).collect();
         Ok(Self { causes: causes.to_vec(), window_s: view.window_s, observations, fits })

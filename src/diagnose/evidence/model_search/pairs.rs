@@ -71,18 +71,27 @@ impl ModelSearch<'_> {
             }
         }
         self.fit_pairs(&chosen);
-        // What is best beside either cause of the best pair may have been estimated badly beside the other.
+        // What is best beside either cause of the best pair may have been estimated badly beside the other; and where a pair is the most probable
+        // model, the rivals of either of its causes count only beside the other one.
         let mut searched: Vec<MechanismKind> = Vec::new();
         loop {
-            let best = self.models[self.best_with(2)].causes.clone();
-            if !leaves_misfit || best.len() != 2 || best == searched {
+            let best = &self.models[self.best_with(2)];
+            let is_most_probable = best.log_odds >= self.best_log_odds();
+            let best = best.causes.clone();
+            if best.len() != 2 || best == searched || !(leaves_misfit || is_most_probable) {
                 break;
             }
+            let is_beside = |own: &&PairEstimate| {
+                let is_candidate = if leaves_misfit {
+                    best.contains(&own.causes[0])
+                } else {
+                    own.causes.iter().any(|kind| best.contains(kind)) && within_reach(self, own)
+                };
+                is_candidate && !self.models.iter().any(|model| own.is_of(&model.causes))
+            };
             let mut chosen: Vec<&PairEstimate> = Vec::new();
-            for own in estimates.iter().filter(|own| best.contains(&own.causes[0])) {
-                let is_known = self.models.iter().any(|model| own.is_of(&model.causes))
-                    || chosen.iter().any(|other| other.is_same_pair(own));
-                if !is_known {
+            for own in estimates.iter().filter(is_beside) {
+                if !chosen.iter().any(|other| other.is_same_pair(own)) {
                     chosen.push(own);
                 }
             }

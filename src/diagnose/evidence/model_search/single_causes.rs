@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::linear_estimate::LinearModel;
-use super::{ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, limit_restarts, starting_at};
+use super::{
+    ComparedModel, DEVIATION_REACH, ModelSearch, NEGLIGIBLE_LOG_ODDS, best, limit_restarts, starting_at,
+};
 use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::{LeastEvidence, ModelPosterior};
 use crate::fit::{Fit, MechanismSearch, Model, ScreenedMechanism, StartedMechanism};
@@ -24,6 +26,9 @@ const SCREENED_PART: f64 = 1.0 / 3.0;
 
 /// Standard errors by which an estimate from a part of the trials may be wrong before a model is given up.
 const SCREENING_ERRORS: f64 = 4.0;
+
+/// An optimum is another one, and not the same one more exactly, if its log evidence is larger by this: half of the error of a log evidence.
+const OTHER_OPTIMUM: f64 = 1.0;
 
 /// Where a fit of a mechanism starts.
 struct Start {
@@ -53,9 +58,13 @@ impl Found {
         self.0.iter().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    fn posterior_of(&self, kind: MechanismKind) -> Option<&ModelPosterior> {
+        self.0.iter().find(|own| own.added == [kind])
+    }
+
     /// The log evidence of a mechanism.
     fn of(&self, kind: MechanismKind) -> f64 {
-        self.0.iter().find(|own| own.added == [kind]).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
+        self.posterior_of(kind).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
     }
 
     fn take(&mut self, kind: MechanismKind) -> Option<ModelPosterior> {
@@ -79,12 +88,12 @@ impl ModelSearch<'_> {
     ///
     /// Each mechanism is fitted from the probe that promises most to first order. Further starts follow where they promise more than that
     /// fit has found. If the model as given `leaves_misfit`, or a cause is found that might be reported, all start once more from fits of a
-    /// part of the session: a large effect may be far from linear.
-    pub fn add_single_causes(&mut self, kinds: &[MechanismKind], leaves_misfit: bool) {
+    /// part of the session: a large effect may be far from linear. Returns whether these starts lead to another optimum without a cause.
+    pub fn add_single_causes(&mut self, kinds: &[MechanismKind], leaves_misfit: bool) -> bool {
         let kinds: Vec<MechanismKind> =
             kinds.iter().copied().filter(|kind| kind.evidence() != EvidenceSource::SingleTrials).collect();
         let none = &self.models[0].posterior;
-        let Some(about_none) = LinearModel::new(none) else { return };
+        let Some(about_none) = LinearModel::new(none) else { return false };
         let mut starts: Vec<Start> = self
             .directions(none, &kinds)
             .par_iter()
@@ -112,10 +121,11 @@ impl ModelSearch<'_> {
         let least_now = least(&found);
         let more = self.started_at(more.into_iter(), least_now);
         found.extend(more);
+        let mut other_optimum = None;
         if leaves_misfit || self.might_be_reported(&found) {
             let within: Vec<MechanismKind> =
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
-            let more = self.started_from_parts(&within, least(&found));
+            let more = self.started_from_parts(&within, &found, least(&found));
             found.extend(more);
             let more = self.started_at_other_limits(&found);
             found.extend(more);
@@ -123,9 +133,17 @@ impl ModelSearch<'_> {
             found.extend(more);
             let more = self.started_with_other_laws(&found);
             found.extend(more);
+            other_optimum = self.without_cause_from(&found);
+        }
+        let moved = other_optimum.is_some();
+        if let Some(none) = other_optimum {
+            tracing::debug!(gain = none.log_evidence - self.none_evidence, "another optimum without a cause");
+            self.none_evidence = none.log_evidence;
+            self.models[0].posterior = none;
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
         self.add_with_deviations(plain);
+        moved
     }
 
     /// Whether a cause is so probable beside none that the answer may not be that nothing is at work.
@@ -154,8 +172,13 @@ impl ModelSearch<'_> {
     }
 
     /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
-    /// within reach of the best by what they gain there.
-    fn started_from_parts(&self, kinds: &[MechanismKind], least: LeastEvidence) -> Vec<ModelPosterior> {
+    /// within reach of the best by what they gain there, and lead to a better optimum than what is `found`.
+    fn started_from_parts(
+        &self,
+        kinds: &[MechanismKind],
+        found: &Found,
+        least: LeastEvidence,
+    ) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
         let started = |kind: &MechanismKind| {
@@ -174,7 +197,10 @@ impl ModelSearch<'_> {
         let screened: Vec<(MechanismKind, ScreenedMechanism)> = started
             .into_par_iter()
             .filter(|(_, own)| own.possible_gain > least_possible)
-            .map(|(kind, own)| (kind, search.continued(own)))
+            .map(|(kind, own)| {
+                let known = found.posterior_of(kind).map(|own| self.without_deviations(own));
+                (kind, search.continued(own, known.as_ref()))
+            })
             .collect();
         let least_gain = least_gain(screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max));
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
@@ -182,7 +208,8 @@ impl ModelSearch<'_> {
             let spreads = Some(&none.spreads);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        screened.par_iter().filter(|(_, own)| own.predicted_gain > least_gain).filter_map(posterior).collect()
+        let is_promising = |own: &ScreenedMechanism| own.leads_further && own.predicted_gain > least_gain;
+        screened.par_iter().filter(|(_, own)| is_promising(own)).filter_map(posterior).collect()
     }
 
     /// Posteriors of the mechanisms that nearly gain the most, from other elastic limits of all trials: without a large effect the limits were
@@ -247,6 +274,21 @@ impl ModelSearch<'_> {
         others.par_iter().filter_map(restarted).collect()
     }
 
+    /// The model without a cause at another optimum, from the base parameters of the causes within reach of the best one: `None` if that is no
+    /// better, or so much worse than the best cause that it does not matter where it is.
+    fn without_cause_from(&self, found: &Found) -> Option<ModelPosterior> {
+        let none = &self.models[0].posterior;
+        let restarted = |own: &ModelPosterior| {
+            self.better_from(
+                none,
+                &self.without_deviations(own).with_mechanism_removed(self.observations, own.added[0]),
+            )
+        };
+        let within: Vec<&ModelPosterior> = self.within_reach(found).collect();
+        let least = (self.none_evidence + OTHER_OPTIMUM).max(found.best() - NEGLIGIBLE_LOG_ODDS);
+        best(within.into_par_iter().map(restarted)).filter(|own| own.log_evidence > least)
+    }
+
     /// Adds the models of a free law each.
     pub fn add_free_laws(&mut self) {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
@@ -306,8 +348,14 @@ mod tests {
 
     /// The posterior of the low-pass from where no trial yields within the window.
     fn held_without_yield(search: &ModelSearch) -> ModelPosterior {
-        let (observations, lag) = (search.observations, MechanismKind::TorqueLag);
+        let lag = MechanismKind::TorqueLag;
         let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0, 1.0]);
+        without_yield(search, &start, &[lag])
+    }
+
+    /// The posterior of a model with the mechanisms `added` from `start`, but where no trial yields within the window.
+    fn without_yield(search: &ModelSearch, start: &Fit, added: &[MechanismKind]) -> ModelPosterior {
+        let observations = search.observations;
         let mut solution = start.solution.clone();
         for (trial, transforms) in start.parameterisation.transforms.iter().enumerate() {
             if let Transform::Logarithmic { coordinate, factor } = transforms[X_E] {
@@ -316,7 +364,7 @@ mod tests {
             }
         }
         let (start, least) = (start.at_solution(solution), LeastEvidence::NONE);
-        ModelPosterior::with_exact_laws(observations, &search.prior, &start, &[lag], None, least).unwrap()
+        ModelPosterior::with_exact_laws(observations, &search.prior, &start, added, None, least).unwrap()
     }
 
     /// A fit of a low-pass began at the elastic limits that the session has without one, and stayed there.
@@ -351,6 +399,53 @@ mod tests {
         let more = search.started_at_the_best(&found);
         found.extend(more);
         assert!(found.of(lag) > at_first + 10.0, "{} after {at_first}", found.of(lag));
+    }
+
+    /// In one of 190 sessions the model without a cause had stayed at an optimum that was worse by 123: every mechanism seemed to be at work.
+    #[test]
+    fn a_model_without_a_cause_that_stayed_elsewhere_is_found_from_the_parameters_of_the_best() {
+        let damping = MechanismKind::LeverDamping;
+        let session = session(damping, |_| vec![LEVER.damping_nm_s_per_rad]);
+        let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
+        let (before, prior) = search(&observations);
+        let mut search = ModelSearch::new(&observations, &before, prior, &[damping]).unwrap();
+        let right = search.models[0].posterior.clone();
+        let start = search.start_with(&right.fit, damping, &[1.1 * LEVER.damping_nm_s_per_rad]);
+        let least = LeastEvidence::NONE;
+        let best =
+            ModelPosterior::with_exact_laws(&observations, &search.prior, &start, &[damping], None, least);
+        let found = Found(vec![best.unwrap()]);
+        assert!(search.without_cause_from(&found).is_none(), "it is there already");
+        let held = without_yield(&search, &right.fit, &[]);
+        assert!(
+            held.log_evidence < right.log_evidence - 10.0,
+            "{} of {}",
+            held.log_evidence,
+            right.log_evidence
+        );
+        search.none_evidence = held.log_evidence;
+        search.models[0].posterior = held;
+        let none = search.without_cause_from(&found).unwrap();
+        assert!(
+            (none.log_evidence - right.log_evidence).abs() < 1.0,
+            "{} of {}",
+            none.log_evidence,
+            right.log_evidence
+        );
+    }
+
+    #[test]
+    fn fits_of_a_part_of_the_session_that_lead_where_a_fit_is_already_are_not_completed() {
+        let observations = observations(1.0);
+        let (before, prior) = search(&observations);
+        let parts = MechanismSearch::new(&observations, &before);
+        let models = [starting_at(Model::paper().with(MechanismKind::TorqueLag), &[150.0, 1.0])];
+        let leading = |known: Option<&Fit>| parts.continued(parts.start(&models), known);
+        let first = leading(None);
+        assert!(first.leads_further);
+        assert!(!leading(Some(&parts.complete(&first))).leads_further);
+        let elsewhere = ModelSearch::new(&observations, &before, prior, &[]).unwrap();
+        assert!(leading(Some(&held_without_yield(&elsewhere).fit)).leads_further);
     }
 
     /// A filter of higher order was held to be a motor that follows its command, with a probability of 1.000.

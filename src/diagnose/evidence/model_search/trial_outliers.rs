@@ -16,8 +16,27 @@ const TRIALS_PER_OUTLIER: usize = 4;
 const SPREAD_STEPS: usize = 8;
 
 impl ModelSearch<'_> {
-    /// Adds, beside the causes of `model`, trials that do not belong.
-    pub fn add_outliers(&mut self, model: usize, kind: MechanismKind) {
+    /// Adds trials that do not belong, the cause `kind`: alone, beside the most probable other cause, and, where that is more probable than the
+    /// other cause alone, beside its rivals.
+    pub fn add_outliers(&mut self, kind: MechanismKind) {
+        let single = self.best_with(1);
+        let alone = self.models[single].log_odds;
+        let is_rival = |index: &usize| {
+            let own = &self.models[*index];
+            let is_single = own.causes.len() == 1 && !own.causes[0].is_free_law();
+            is_single && *index != single && own.log_odds > alone - NEGLIGIBLE_LOG_ODDS
+        };
+        let rivals: Vec<usize> = (0..self.models.len()).filter(is_rival).collect();
+        self.add_outliers_beside(0, kind);
+        if single > 0 && self.add_outliers_beside(single, kind).is_some_and(|log_odds| log_odds > alone) {
+            for rival in rivals {
+                self.add_outliers_beside(rival, kind);
+            }
+        }
+    }
+
+    /// Adds, beside the causes of `model`, trials that do not belong, and returns the log odds; `None` if there are none.
+    fn add_outliers_beside(&mut self, model: usize, kind: MechanismKind) -> Option<f64> {
         let (observations, prior) = (self.observations, &self.prior);
         let own = &self.models[model];
         let count = observations.trials.len();
@@ -69,10 +88,44 @@ impl ModelSearch<'_> {
             outliers.push(trial);
             found = Some(next);
         }
-        if let Some(posterior) = found {
-            let mut causes = own.causes.clone();
-            causes.push(kind);
-            self.add(causes, posterior, outliers);
+        let posterior = found?;
+        let causes = own.causes.iter().copied().chain([kind]).collect();
+        self.add(causes, posterior, outliers);
+        self.models.last().map(|own| own.log_odds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::rig_knowledge::RigKnowledge;
+    use crate::diagnose::evidence::session_prior::SessionPrior;
+    use crate::diagnose::test_session::{LEVER, session};
+    use crate::diagnose::within_trial::score_test::probe_context;
+    use crate::fit::{Fit, Model, Observations, PreprocessingSettings, Weighting};
+
+    /// Beside a low-pass an outlier had a probability of 0.82, since the delay that could be in its place had none beside it.
+    #[test]
+    fn a_trial_that_does_not_belong_does_not_belong_beside_a_rival_of_the_best_cause_either() {
+        let (lag, skew, outlier) =
+            (MechanismKind::TorqueLag, MechanismKind::ChannelSkew, MechanismKind::OutlierTrial);
+        let mut session = session(lag, |_| vec![300.0, 1.0]);
+        for torque_nm in &mut session.trials[4].record.torque_l_nm {
+            *torque_nm = 1.5 + 1.4 * (*torque_nm - 1.5);
+        }
+        let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
+        let before = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+        let rig = RigKnowledge::stated(Some(LEVER));
+        let prior = SessionPrior::new(&observations, &before, probe_context(&observations), rig);
+        let mut search = ModelSearch::new(&observations, &before, prior, &[lag, skew, outlier]).unwrap();
+        search.add_single_causes(&[lag, skew, outlier], true);
+        // As probable as each other.
+        let best = search.best_log_odds();
+        search.models.iter_mut().skip(1).for_each(|own| own.log_odds = best);
+        search.add_outliers(outlier);
+        for cause in [lag, skew] {
+            let pair = search.models.iter().find(|own| own.causes == [cause, outlier]);
+            assert_eq!(pair.map(|own| own.outliers.as_slice()), Some([4].as_slice()), "{cause:?}");
         }
     }
 }
