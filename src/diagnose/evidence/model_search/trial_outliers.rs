@@ -110,7 +110,9 @@ mod tests {
         let (lag, skew, outlier) =
             (MechanismKind::TorqueLag, MechanismKind::ChannelSkew, MechanismKind::OutlierTrial);
         let mut session = session(lag, |_| vec![300.0, 1.0]);
-        for torque_nm in &mut session.trials[4].record.torque_l_nm {
+        let other = &mut session.trials[4];
+        let number = other.number;
+        for torque_nm in &mut other.record.torque_l_nm {
             *torque_nm = 1.5 + 1.4 * (*torque_nm - 1.5);
         }
         let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
@@ -124,8 +126,10 @@ mod tests {
         search.models.iter_mut().skip(1).for_each(|own| own.log_odds = best);
         search.add_outliers(outlier);
         for cause in [lag, skew] {
-            let pair = search.models.iter().find(|own| own.causes == [cause, outlier]);
-            assert_eq!(pair.map(|own| own.outliers.as_slice()), Some([4].as_slice()), "{cause:?}");
+            let pair = search.models.iter().find(|own| own.causes == [cause, outlier]).unwrap();
+            let numbers: Vec<u32> =
+                pair.outliers.iter().map(|own| observations.trials[*own].number).collect();
+            assert_eq!(numbers, [number], "{cause:?}");
         }
     }
 }
