@@ -206,9 +206,7 @@ impl CausesInWindow {
         let search = MechanismSearch::new(&observations, &base);
         let with = |kind: &MechanismKind| {
             let model = Model::paper().with(*kind);
-            search
-                .complete(&search.continued(search.start(slice::from_ref(&model)), None))
-                .refined(&observations)
+            search.complete(&search.screen(slice::from_ref(&model))).refined(&observations)
         };
         let fits = causes.par_iter().map(with).collect();
         Ok(Self { causes: causes.to_vec(), window_s: view.window_s, observations, fits })

@@ -1,7 +1,6 @@
 //! Mechanism search: starting values for a fit that adds a mechanism, found in stages on a subset of the trials.
 //!
-//! First many starts are screened with few iterations on the subset. Those that lead to a better optimum than the one that is known are
-//! completed on all trials.
+//! First many starts are screened with few iterations on the subset. The best are completed on all trials.
 
 use super::starting_value_search::StartingValueSearch;
 use crate::fit::data::observations::Observations;
@@ -29,10 +28,6 @@ const MAX_COMPLETED: usize = 5;
 
 /// Relative difference of the mechanism's parameters below which two starts count as the same.
 const SAME_PARAMETERS: f64 = 0.02;
-
-/// An optimum is another one than the known one if the log likelihood of the whole session is estimated to be larger there by at least
-/// this: half of the error of a log evidence.
-const BETTER_OPTIMUM: f64 = 1.0;
 
 /// Approximate number of trials in the subset.
 const SUBSET_SIZE: usize = 12;
@@ -66,8 +61,6 @@ pub struct ScreenedMechanism {
     starts: Vec<Fit>,
     /// Predicted decrease of the sum of squared residuals of the whole session, in units of the noise variance.
     pub predicted_gain: f64,
-    /// Whether the best start leads to a better optimum than the known one.
-    pub leads_further: bool,
 }
 
 impl<'a> MechanismSearch<'a> {
@@ -80,7 +73,15 @@ impl<'a> MechanismSearch<'a> {
         Self { observations, starting_values, subset, few, base, base_cost }
     }
 
-    /// Short fits from the starts of `models`, which differ only in the starting values of the mechanism.
+    /// Screens the starts of `models`, which differ only in the starting values of the mechanism.
+    ///
+    /// # Panics
+    /// If `models` is empty.
+    pub fn screen(&self, models: &[Model]) -> ScreenedMechanism {
+        self.continued(self.start(models))
+    }
+
+    /// The first part of [`MechanismSearch::screen`], short fits.
     ///
     /// # Panics
     /// If `models` is empty.
@@ -93,21 +94,13 @@ impl<'a> MechanismSearch<'a> {
         StartedMechanism { starts, gain: self.gain_at(lowest), possible_gain }
     }
 
-    /// Continues the short fits until their costs can be compared, with each other and with that of `known`, the best fit of the session with
-    /// this mechanism so far.
-    pub fn continued(&self, started: StartedMechanism, known: Option<&Fit>) -> ScreenedMechanism {
-        let mut starts: Vec<Fit> = distinct(started.starts)
-            .into_iter()
-            .map(|fit| fit.extended_by(&self.few, &fit.model, CONTINUATION))
-            .collect();
+    /// The second part of [`MechanismSearch::screen`], which continues the short fits until their costs can be compared.
+    pub fn continued(&self, started: StartedMechanism) -> ScreenedMechanism {
+        let StartedMechanism { mut starts, .. } = started;
+        starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, CONTINUATION));
         sort_by_cost(&mut starts);
-        let on_subset = |fit| on_subset(fit, &self.subset, &self.few, CONTINUATION).1;
-        let known_cost = known.map_or(f64::INFINITY, on_subset);
-        let leads_further = self.gain_at(starts[0].cost()) > self.gain_at(known_cost) + 2.0 * BETTER_OPTIMUM;
-        if leads_further {
-            starts.insert(0, self.with_components_restarted(starts[0].clone()));
-        }
-        ScreenedMechanism { predicted_gain: self.gain_at(starts[0].cost()), starts, leads_further }
+        starts.insert(0, self.with_components_restarted(starts[0].clone()));
+        ScreenedMechanism { predicted_gain: self.gain_at(starts[0].cost()), starts }
     }
 
     /// Predicted decrease of the sum of squared residuals of the whole session, in units of the noise variance, by a model that has this
@@ -121,14 +114,14 @@ impl<'a> MechanismSearch<'a> {
     /// searched only by [`Fit::refined`].
     pub fn complete(&self, screened: &ScreenedMechanism) -> Fit {
         let highest = screened.starts[0].cost() + COST_WINDOW;
-        let mut completed: Vec<&Fit> = Vec::new();
+        let mut distinct: Vec<&Fit> = Vec::new();
         for own in screened.starts.iter().take_while(|own| own.cost() <= highest) {
-            if completed.len() < MAX_COMPLETED && !completed.iter().any(|other| is_same(own, other)) {
-                completed.push(own);
+            if distinct.len() < MAX_COMPLETED && !distinct.iter().any(|other| is_same(own, other)) {
+                distinct.push(own);
             }
         }
-        let fits = completed.into_iter().map(|own| self.on_all_trials(own));
-        let best = fits.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
+        let completed = distinct.into_iter().map(|own| self.on_all_trials(own));
+        let best = completed.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
         best.expect("at least one model was screened").with_shrinkage(self.observations)
     }
 
@@ -209,18 +202,6 @@ fn on_subset(fit: &Fit, subset: &TrialSubset, few: &Observations, options: Solve
 
 fn sort_by_cost(fits: &mut [Fit]) {
     fits.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-}
-
-/// The fits of `sorted` that have not arrived where a better one has.
-fn distinct(sorted: Vec<Fit>) -> Vec<Fit> {
-    let mut distinct: Vec<Fit> = Vec::new();
-    for own in sorted {
-        let is_near = |other: &Fit| own.cost() - other.cost() < SCREENING.tolerance * other.cost();
-        if !distinct.iter().any(|other| is_near(other) && is_same(&own, other)) {
-            distinct.push(own);
-        }
-    }
-    distinct
 }
 
 /// Whether two fits ended at the same parameters of the mechanism.

@@ -58,13 +58,9 @@ impl Found {
         self.0.iter().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    fn posterior_of(&self, kind: MechanismKind) -> Option<&ModelPosterior> {
-        self.0.iter().find(|own| own.added == [kind])
-    }
-
     /// The log evidence of a mechanism.
     fn of(&self, kind: MechanismKind) -> f64 {
-        self.posterior_of(kind).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
+        self.0.iter().find(|own| own.added == [kind]).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
     }
 
     fn take(&mut self, kind: MechanismKind) -> Option<ModelPosterior> {
@@ -125,7 +121,7 @@ impl ModelSearch<'_> {
         if leaves_misfit || self.might_be_reported(&found) {
             let within: Vec<MechanismKind> =
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
-            let more = self.started_from_parts(&within, &found, least(&found));
+            let more = self.started_from_parts(&within, least(&found));
             found.extend(more);
             let more = self.started_at_other_limits(&found);
             found.extend(more);
@@ -172,13 +168,8 @@ impl ModelSearch<'_> {
     }
 
     /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
-    /// within reach of the best by what they gain there, and lead to a better optimum than what is `found`.
-    fn started_from_parts(
-        &self,
-        kinds: &[MechanismKind],
-        found: &Found,
-        least: LeastEvidence,
-    ) -> Vec<ModelPosterior> {
+    /// within reach of the best by what they gain there.
+    fn started_from_parts(&self, kinds: &[MechanismKind], least: LeastEvidence) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
         let started = |kind: &MechanismKind| {
@@ -197,10 +188,7 @@ impl ModelSearch<'_> {
         let screened: Vec<(MechanismKind, ScreenedMechanism)> = started
             .into_par_iter()
             .filter(|(_, own)| own.possible_gain > least_possible)
-            .map(|(kind, own)| {
-                let known = found.posterior_of(kind).map(|own| self.without_deviations(own));
-                (kind, search.continued(own, known.as_ref()))
-            })
+            .map(|(kind, own)| (kind, search.continued(own)))
             .collect();
         let least_gain = least_gain(screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max));
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
@@ -208,8 +196,7 @@ impl ModelSearch<'_> {
             let spreads = Some(&none.spreads);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        let is_promising = |own: &ScreenedMechanism| own.leads_further && own.predicted_gain > least_gain;
-        screened.par_iter().filter(|(_, own)| is_promising(own)).filter_map(posterior).collect()
+        screened.par_iter().filter(|(_, own)| own.predicted_gain > least_gain).filter_map(posterior).collect()
     }
 
     /// Posteriors of the mechanisms that nearly gain the most, from other elastic limits of all trials: without a large effect the limits were
@@ -432,20 +419,6 @@ mod tests {
             none.log_evidence,
             right.log_evidence
         );
-    }
-
-    #[test]
-    fn fits_of_a_part_of_the_session_that_lead_where_a_fit_is_already_are_not_completed() {
-        let observations = observations(1.0);
-        let (before, prior) = search(&observations);
-        let parts = MechanismSearch::new(&observations, &before);
-        let models = [starting_at(Model::paper().with(MechanismKind::TorqueLag), &[150.0, 1.0])];
-        let leading = |known: Option<&Fit>| parts.continued(parts.start(&models), known);
-        let first = leading(None);
-        assert!(first.leads_further);
-        assert!(!leading(Some(&parts.complete(&first))).leads_further);
-        let elsewhere = ModelSearch::new(&observations, &before, prior, &[]).unwrap();
-        assert!(leading(Some(&held_without_yield(&elsewhere).fit)).leads_further);
     }
 
     /// A filter of higher order was held to be a motor that follows its command, with a probability of 1.000.
