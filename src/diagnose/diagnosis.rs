@@ -502,7 +502,7 @@ fn ratio_of(cause: &Cause) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::test_session::{LEVER, session};
+    use crate::diagnose::test_session::{fit_and_prior, session};
     use crate::fit::PreprocessingSettings;
 
     /// A refit that was freed of its priors left the posterior's optimum, and a right cause was called `unexplained`.
@@ -512,9 +512,7 @@ mod tests {
         for (kind, values) in cases {
             let session = session(kind, |_| values.clone());
             let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
-            let before = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
-            let rig = RigKnowledge::stated(Some(LEVER));
-            let prior = SessionPrior::new(&observations, &before, probe_context(&observations), rig);
+            let (before, prior) = fit_and_prior(&observations);
             let mut search = ModelSearch::new(&observations, &before, prior, &[kind]).unwrap();
             search.add_single_causes(&[kind], true);
             let start = &search.models[search.best_with(1)].posterior.fit;

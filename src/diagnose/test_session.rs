@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 
 use super::RigKnowledge;
+use super::evidence::session_prior::SessionPrior;
+use super::within_trial::score_test::probe_context;
 use crate::dataset::{
     CalibratedQuantity, Record, RigCalibration, RigQuantity, Session, Status, Subject, Trial,
 };
-use crate::fit::RigConstants;
+use crate::fit::{Fit, Model, Observations, RigConstants, Weighting};
 use crate::random::Stream;
 use crate::wrist::mechanisms::MechanismKind;
 use crate::wrist::{self, Lever, SimulationSettings, TrialInput, VectorWidth};
@@ -94,6 +96,14 @@ pub fn session(kind: MechanismKind, values: impl Fn(f64) -> Vec<f64>) -> Session
         channel_ranges: Default::default(),
         trials,
     }
+}
+
+/// The fit of the paper's model, and the priors about it where the rig is as stated.
+pub fn fit_and_prior(observations: &Observations) -> (Fit, SessionPrior) {
+    let before = Fit::new(observations, &Model::paper(), Weighting::MeasuredNoise);
+    let rig = RigKnowledge::stated(Some(LEVER));
+    let prior = SessionPrior::new(observations, &before, probe_context(observations), rig);
+    (before, prior)
 }
 
 /// What a calibration with these values and standard errors, uncorrelated, says of the rig. A low-pass may lie above a frequency, Hz.

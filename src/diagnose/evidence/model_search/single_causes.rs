@@ -314,23 +314,13 @@ impl ModelSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::evidence::rig_knowledge::RigKnowledge;
-    use crate::diagnose::evidence::session_prior::SessionPrior;
-    use crate::diagnose::test_session::{LEVER, session};
-    use crate::diagnose::within_trial::score_test::probe_context;
-    use crate::fit::{Observations, PreprocessingSettings, Transform, Weighting, X_E};
+    use crate::diagnose::test_session::{LEVER, fit_and_prior, session};
+    use crate::fit::{Observations, PreprocessingSettings, Transform, X_E};
 
     /// A session with a low-pass of this order in the torque channel.
     fn observations(order: f64) -> Observations {
         let session = session(MechanismKind::TorqueLag, |_| vec![150.0, order]);
         Observations::new(&session, PreprocessingSettings::default()).unwrap()
-    }
-
-    fn search(observations: &Observations) -> (Fit, SessionPrior) {
-        let before = Fit::new(observations, &Model::paper(), Weighting::MeasuredNoise);
-        let rig = RigKnowledge::stated(Some(LEVER));
-        let prior = SessionPrior::new(observations, &before, probe_context(observations), rig);
-        (before, prior)
     }
 
     /// The posterior of the low-pass from where no trial yields within the window.
@@ -359,7 +349,7 @@ mod tests {
     fn a_rival_whose_elastic_limits_are_far_off_is_found_from_other_limits() {
         let lag = MechanismKind::TorqueLag;
         let observations = observations(1.0);
-        let (before, prior) = search(&observations);
+        let (before, prior) = fit_and_prior(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
         let held = held_without_yield(&search);
         let at_first = held.log_evidence;
@@ -374,7 +364,7 @@ mod tests {
     fn a_mechanism_that_stayed_elsewhere_is_found_from_the_parameters_of_the_best() {
         let (lag, servo) = (MechanismKind::TorqueLag, MechanismKind::ServoFollowing);
         let observations = observations(1.0);
-        let (before, prior) = search(&observations);
+        let (before, prior) = fit_and_prior(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag, servo]).unwrap();
         let least = LeastEvidence::NONE;
         let start = search.start_with(&search.models[0].posterior.fit, servo, &[150.0]);
@@ -394,7 +384,7 @@ mod tests {
         let damping = MechanismKind::LeverDamping;
         let session = session(damping, |_| vec![LEVER.damping_nm_s_per_rad]);
         let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
-        let (before, prior) = search(&observations);
+        let (before, prior) = fit_and_prior(&observations);
         let mut search = ModelSearch::new(&observations, &before, prior, &[damping]).unwrap();
         let right = search.models[0].posterior.clone();
         let start = search.start_with(&right.fit, damping, &[1.1 * LEVER.damping_nm_s_per_rad]);
@@ -426,7 +416,7 @@ mod tests {
     fn a_low_pass_of_second_order_is_found_from_one_of_first_order() {
         let lag = MechanismKind::TorqueLag;
         let observations = observations(2.0);
-        let (before, prior) = search(&observations);
+        let (before, prior) = fit_and_prior(&observations);
         let search = ModelSearch::new(&observations, &before, prior, &[lag]).unwrap();
         let least = LeastEvidence::NONE;
         let start = search.start_with(&search.models[0].posterior.fit, lag, &[150.0, 1.0]);

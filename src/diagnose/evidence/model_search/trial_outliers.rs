@@ -98,11 +98,8 @@ impl ModelSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::evidence::rig_knowledge::RigKnowledge;
-    use crate::diagnose::evidence::session_prior::SessionPrior;
-    use crate::diagnose::test_session::{LEVER, session};
-    use crate::diagnose::within_trial::score_test::probe_context;
-    use crate::fit::{Fit, Model, Observations, PreprocessingSettings, Weighting};
+    use crate::diagnose::test_session::{fit_and_prior, session};
+    use crate::fit::{Observations, PreprocessingSettings};
 
     /// Beside a low-pass an outlier had a probability of 0.82, since the delay that could be in its place had none beside it.
     #[test]
@@ -116,9 +113,7 @@ mod tests {
             *torque_nm = 1.5 + 1.4 * (*torque_nm - 1.5);
         }
         let observations = Observations::new(&session, PreprocessingSettings::default()).unwrap();
-        let before = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
-        let rig = RigKnowledge::stated(Some(LEVER));
-        let prior = SessionPrior::new(&observations, &before, probe_context(&observations), rig);
+        let (before, prior) = fit_and_prior(&observations);
         let mut search = ModelSearch::new(&observations, &before, prior, &[lag, skew, outlier]).unwrap();
         search.add_single_causes(&[lag, skew, outlier], true);
         // As probable as each other.
